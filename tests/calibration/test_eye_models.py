@@ -19,7 +19,6 @@ from scleraforce.calibration.filter.eye_filter import FrameStep, SkippedFrame
 from scleraforce.calibration.filter.eye_parameters import stated_wall
 from scleraforce.calibration.filter.library_sections import library_eye
 from scleraforce.lab.virtual_eye import scan_plane, simulate_eye
-from scleraforce.library import Library
 from scleraforce.mechanics.axisymmetric_wall import EvenWall, base_shift
 from scleraforce.mechanics.contact_and_section import Contact, ScanPlane, WallSection
 from scleraforce.mechanics.meridian_elements import MeridianSize, meridian_mesh
@@ -28,7 +27,7 @@ from scleraforce.records.globe import OPEN
 from scleraforce.records.needle import Needle
 from scleraforce.records.scan import Scan
 from scleraforce.records.setup import Setup
-from scleraforce.records.study import Study
+from scleraforce.records.study import MeshStudy, Study
 from scleraforce.wall.wall_in_metres import Boundaries
 from virtual_eyes import changed, wall_of
 
@@ -51,8 +50,10 @@ ASIDE = Setup(
     ],
 )
 def test_predicted_section_is_the_cut_through_the_deformed_mesh(
-    laboratory: Any, direction: float, tilt: float, force_n: float, stated_m: float
-) -> None:
+    laboratory, direction: float, tilt: float, force_n: float, stated_m: float
+):
+    finer = replace(laboratory.study, mesh=MeshStudy(divisions=6))
+    laboratory = replace(laboratory, study=finer)
     constants = changed(ASIDE, direction_rad=direction, tilt_rad=tilt)
     stated = changed(constants, thickness_m=stated_m)
     parameters = ("e",) if stated_m == 0.7e-3 else ("e", "thickness")
@@ -123,12 +124,7 @@ def exact_section(force_n: float, stated: Setup = STATED) -> WallSection:
 
 def frames(forces_n: Sequence[float], rng: np.random.Generator) -> list[Boundaries]:
     """Boundaries of the made-up eye, which moves."""
-    return [
-        boundaries
-        for _, boundaries in moving(
-            [exact_section(force_n) for force_n in forces_n], rng
-        )
-    ]
+    return moving([exact_section(force_n) for force_n in forces_n], rng)
 
 
 def run(
@@ -151,8 +147,8 @@ def run(
     ],
 )
 def test_sections_have_the_walls_own_geometry_and_depend_on_thickness_gap_and_pressure(
-    library: Library, force_n: float, wall: dict[str, float]
-) -> None:
+    library, force_n: float, wall: dict[str, float]
+):
     stated = changed(STATED, **wall)
     model = library_eye(SHARP, changed(STATED, tilt_rad=stated.scan.tilt_rad), library)
     (curves,) = model.curves([stated_wall(stated, MODULUS_PA, force_n, 0.0)])
@@ -164,7 +160,7 @@ def test_sections_have_the_walls_own_geometry_and_depend_on_thickness_gap_and_pr
 
 
 @pytest.mark.slow
-def test_thickness_is_corrected_when_it_is_uncertain(library: Library) -> None:
+def test_thickness_is_corrected_when_it_is_uncertain(library):
     study = replace(
         STUDY,
         calibration=replace(STUDY.calibration, thickness_sd_m=50e-6, inner_sd_m=3e-6),
@@ -182,8 +178,8 @@ def test_thickness_is_corrected_when_it_is_uncertain(library: Library) -> None:
 
 @pytest.mark.slow
 def test_a_frame_beyond_the_library_is_left_out_with_its_reason(
-    library: Library,
-) -> None:
+    library,
+):
     short = replace(library, max_force_ratio=0.1e-6)
     made = frames([0.02, 0.05], np.random.default_rng(2))
     first = eye_filter.step(eye_filter.begin(STUDY, STATED, short), made[0], 0.02)
@@ -195,7 +191,7 @@ def test_a_frame_beyond_the_library_is_left_out_with_its_reason(
     assert second.updates == 1
 
 
-def test_an_eye_that_the_library_does_not_have_is_refused(library: Library) -> None:
+def test_an_eye_that_the_library_does_not_have_is_refused(library):
     with pytest.raises(
         CalibrationError, match="1000 µm; the library has walls of 350 to 900 µm"
     ):
@@ -215,7 +211,7 @@ FORCE_RATIO = 0.1e-6
 
 
 @pytest.mark.slow
-def test_along_the_plane_the_motion_is_that_of_the_shift(library: Library) -> None:
+def test_along_the_plane_the_motion_is_that_of_the_shift(library):
     polar_rad = wall_of(TURNED).polar_rad
     gap_m = wall_of(TURNED).gap_m
     model = library_eye(STUDY, TURNED, library)
@@ -244,8 +240,8 @@ def test_along_the_plane_the_motion_is_that_of_the_shift(library: Library) -> No
 
 @pytest.mark.slow
 def test_the_dent_moves_across_a_plane_that_lies_across_the_meridian(
-    library: Library,
-) -> None:
+    library,
+):
     """As the tip does in 3-D: along the meridian, so across a plane whose lateral axis
     is the parallel.
     """
@@ -276,8 +272,8 @@ def cornea(across_m: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("form", [no_form, cornea])
 def test_the_form_of_an_eye_does_not_move_its_modulus(
-    library: Library, form: Callable[[np.ndarray], np.ndarray]
-) -> None:
+    library, form: Callable[[np.ndarray], np.ndarray]
+):
     forces_n = [0.03, 0.015]
     made = [
         replace(seen, depth_m=seen.depth_m + form(seen.lateral_m - 0.3e-3))

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from relaxing_eyes import sensed
 from small_recordings import LOGGED_INFO
 
-from scleraforce.lab.needle_pushes import sense
 from scleraforce.lab.virtual_eye import paper_eyes
 from scleraforce.lab.virtual_recording import plan_phantom
 from scleraforce.recordings.force_errors import (
@@ -81,7 +81,7 @@ def forces_of(time_s: np.ndarray, wrench_sc: np.ndarray) -> FrameForces:
 
 
 @pytest.mark.parametrize("drift", [-5e-6, 0.0, 5e-6])
-def test_rests_show_offset_and_drift_of_the_sensor(drift: float) -> None:
+def test_rests_show_offset_and_drift_of_the_sensor(drift: float):
     rng = np.random.default_rng(0)
     errors = []
 
@@ -97,19 +97,19 @@ def test_rests_show_offset_and_drift_of_the_sensor(drift: float) -> None:
 @pytest.mark.parametrize("push", [{"lets_go": False}, {"push_n": 2e-3}])
 def test_a_needle_that_never_lets_go_or_hardly_pushes_has_no_rests(
     push: dict[str, Any],
-) -> None:
+):
     found = forces_of(*pushes(0.0, np.random.default_rng(1), **push))
     np.testing.assert_array_equal(found.zero, 0.0)
     np.testing.assert_allclose(found.zero_covariance, ZERO_PRIOR)
 
 
 @pytest.mark.parametrize("drift", [-2e-5, 2e-5])
-def test_forces_are_freed_of_most_of_the_drift(drift: float) -> None:
+def test_forces_are_freed_of_most_of_the_drift(drift: float):
     found = forces_of(*pushes(drift, np.random.default_rng(5), noise_n=1e-3))
     assert abs(np.polyfit(FRAMES_S, found.force_n, 1)[0]) < 0.6 * abs(drift)
 
 
-def test_samples_and_frames_without_a_force_leave_the_others_unchanged() -> None:
+def test_samples_and_frames_without_a_force_leave_the_others_unchanged():
     time_s, wrench_sc = pushes(0.0, np.random.default_rng(3), noise_n=1e-3)
     holed_sc = wrench_sc.copy()
     holed_sc[np.abs(time_s - FRAMES_S[7]) < 1.5, 2] = np.nan
@@ -128,16 +128,9 @@ def errors_and_sds(phantom: PhantomStudy, seeds: int) -> Iterator[tuple[float, f
     for seed in range(seeds):
         for eye, forces_n in paper_eyes(study):
             plan = plan_phantom(eye, forces_n, study, seed)
-            table = sense(
-                plan.path,
-                plan.sensor,
-                2,
-                -1,
-                plan.path.times_s[-1] + 1.5,
-                np.random.default_rng(seed),
-            )
+            log = sensed(plan.path, plan.sensor, np.random.default_rng(seed))
             recording = recording_of(
-                table[:, 0], table[:, 1:], [frame.time_s for frame in plan.frames]
+                log.time_s, log.wrench_sc, [frame.time_s for frame in plan.frames]
             )
             trials = label_frames(recording, CLASSES)
 
@@ -167,12 +160,12 @@ def errors_and_sds(phantom: PhantomStudy, seeds: int) -> Iterator[tuple[float, f
 )
 def test_standardised_errors_of_labels_have_unit_spread(
     low: float, high: float, phantom: dict[str, Any]
-) -> None:
-    errors_n, sds_n = np.array(list(errors_and_sds(PhantomStudy(**phantom), 8))).T
+):
+    errors_n, sds_n = np.array(list(errors_and_sds(PhantomStudy(**phantom), 4))).T
     assert low < np.sqrt(np.mean((errors_n / sds_n) ** 2)) < high
 
 
-def test_noise_that_neighbouring_samples_share_counts_fully() -> None:
+def test_noise_that_neighbouring_samples_share_counts_fully():
     """Noise held for 50 ms looks quiet to differences of neighbours, and is averaged
     over a tenth as often.
     """
@@ -192,7 +185,7 @@ def test_noise_that_neighbouring_samples_share_counts_fully() -> None:
     assert stated_n(held) > 2.0 * stated_n(white)
 
 
-def test_a_log_of_zeros_states_an_error_and_a_trial_without_a_label_none() -> None:
+def test_a_log_of_zeros_states_an_error_and_a_trial_without_a_label_none():
     recording = recording_of(np.arange(2000) / 200.0, np.zeros((2000, 6)), [5.0])
     (sd_n,) = label_sds(recording, label_frames(recording, CLASSES))
     assert sd_n is not None

@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,8 +17,8 @@ MODULUS_PA = 0.3e6
 
 @pytest.mark.slow
 def test_a_leaning_needle_is_calibrated_and_read_by_the_force_along_it(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     study = sf.Study()
     drawn = {
         "needle_count": fixed(1),

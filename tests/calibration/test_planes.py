@@ -4,7 +4,7 @@ found.
 
 import json
 from dataclasses import replace
-from pathlib import Path
+from shutil import copytree
 from typing import Any
 
 import cv2
@@ -17,7 +17,7 @@ from analytic_frames import (
     MODULUS_PA,
     SMALL_LIBRARY,
     STUDY,
-    known_eye,
+    eye_of_population,
     middling_eye,
 )
 from scanned_planes import CONTACT_M, CROSS, TILT_RAD, write_moments
@@ -39,11 +39,11 @@ from scleraforce.lab.virtual_eye import scan_plane
 from scleraforce.reading.load_model import load_reader
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.records.calibration_file import parse_calibration_file, summary_of
-from scleraforce.records.eye import Modulus
 from scleraforce.records.scan import Plane
 from scleraforce.records.study import Study
 from virtual_eyes import changed
 
+pytestmark = pytest.mark.usefixtures("made_up_walls")
 FORCES_N = 0.002, 0.03, 0.012, 0.02, 0.008
 # 1.5 and 0.05 mm from the needle
 FAR_FIRST = (
@@ -80,7 +80,7 @@ def calibration(cross: Recording) -> Calibration:
 
 def test_moments_of_a_cross_tell_the_modulus_as_frames_of_a_known_gap_do(
     calibration, single
-) -> None:
+):
     found = calibration.eyes["eye"]
     given = calibrated(single, frames=3).eyes["eye"]
     assert found.status == "ok"
@@ -91,7 +91,7 @@ def test_moments_of_a_cross_tell_the_modulus_as_frames_of_a_known_gap_do(
     assert found.sd_pa == pytest.approx(given.sd_pa, rel=0.15)
 
 
-def test_frames_counts_moments_and_a_moment_is_one_record(calibration) -> None:
+def test_frames_counts_moments_and_a_moment_is_one_record(calibration):
     found = calibration.eyes["eye"]
     assert [frame.file[0] for frame in found.used] == ["2", "3", "1"]
     assert [frame.force_n for frame in found.used] == pytest.approx(
@@ -103,7 +103,7 @@ def test_frames_counts_moments_and_a_moment_is_one_record(calibration) -> None:
     )
 
 
-def test_the_filter_follows_the_plane_nearest_to_the_needle(tmp_path: Path) -> None:
+def test_the_filter_follows_the_plane_nearest_to_the_needle(tmp_path):
     recording = read_recording(
         write_moments(tmp_path / "rec", FORCES_N[:3], FAR_FIRST, log=True)
     )
@@ -116,7 +116,7 @@ def test_the_filter_follows_the_plane_nearest_to_the_needle(tmp_path: Path) -> N
     assert "not usable: no frame of plane near" in {frame.skipped for frame in frames}
 
 
-def test_a_frame_is_of_the_eye_at_the_place_of_its_plane(cross: Recording) -> None:
+def test_a_frame_is_of_the_eye_at_the_place_of_its_plane(cross):
     """Gap, direction and tilt of the plane across, by the contact and tilt of the
     recording.
     """
@@ -130,10 +130,8 @@ def test_a_frame_is_of_the_eye_at_the_place_of_its_plane(cross: Recording) -> No
 
 
 @pytest.mark.slow
-def test_frames_of_other_gaps_tell_what_frames_of_one_gap_do() -> None:
-    known = known_eye(middling_eye(0.0))
-    modulus = Modulus(mean_pa=0.4e6, sd_pa=0.1e6, source="population")
-    setup = replace(known, eye=replace(known.eye, modulus=modulus))
+def test_frames_of_other_gaps_tell_what_frames_of_one_gap_do():
+    setup = eye_of_population(0.4e6, 0.1e6)
     walls = Walls(LIBRARY)
 
     def found_pa(gaps_m: np.ndarray, are_given: bool) -> float:
@@ -161,10 +159,8 @@ def test_frames_of_other_gaps_tell_what_frames_of_one_gap_do() -> None:
     assert found_pa(gaps_m, False) != pytest.approx(of_one, rel=0.01)
 
 
-def test_a_moment_that_one_plane_shows_is_left_out_with_the_reason(
-    tmp_path: Path,
-) -> None:
-    folder = write_moments(tmp_path / "rec", FORCES_N, log=True)
+def test_a_moment_that_one_plane_shows_is_left_out_with_the_reason(cross, tmp_path):
+    folder = copytree(cross.path, tmp_path / "rec")
     file = str(folder / "frames" / "1-0.png")
     cv2.imwrite(file, np.full_like(cv2.imread(file, cv2.IMREAD_UNCHANGED), 300))
     found = calibrated(read_recording(folder), frames=3).eyes["eye"]
@@ -173,12 +169,7 @@ def test_a_moment_that_one_plane_shows_is_left_out_with_the_reason(
     assert "not usable" in skipped
 
 
-def test_a_moment_is_not_taken_again_from_a_plane_that_was_not_followed(
-    cross, single, monkeypatch
-) -> None:
-    monkeypatch.setattr(
-        "scleraforce.front.api.calibrating.library_for", lambda *_: LIBRARY
-    )
+def test_a_moment_is_not_taken_again_from_a_plane_that_was_not_followed(cross, single):
     again = (
         calibrate_recordings([cross, single], STUDY, "hash", LIBRARY, ("e",), frames=3)
         .eyes["eye"]
@@ -192,11 +183,13 @@ def test_a_moment_is_not_taken_again_from_a_plane_that_was_not_followed(
         "4-0.png",
     ]
 
+    some = replace(cross, frames=cross.frames[:4])
+    seen = replace(single, frames=single.frames[:2])
     with pytest.raises(CalibrationError, match="none of its 0 frames"):
-        sf.calibrate([cross, single], without_force=True)
+        sf.calibrate([some, seen], without_force=True)
 
 
-def test_what_planes_cannot_be_calibrated_with_is_refused(cross) -> None:
+def test_what_planes_cannot_be_calibrated_with_is_refused(cross):
     for library, parameters, words in (
         (None, ("e",), "linear mechanics"),
         (LIBRARY, ("e", "gap"), "leave gap out"),
@@ -207,12 +200,7 @@ def test_what_planes_cannot_be_calibrated_with_is_refused(cross) -> None:
             calibrate_recordings([cross], Study(), "hash", library, parameters)
 
 
-def test_without_force_a_cross_is_seen_as_one_plane_of_a_known_gap(
-    cross, single, monkeypatch
-) -> None:
-    monkeypatch.setattr(
-        "scleraforce.front.api.calibrating.library_for", lambda *_: LIBRARY
-    )
+def test_without_force_a_cross_is_seen_as_one_plane_of_a_known_gap(cross, single):
     found, given = (
         sf.calibrate(one, without_force=True, frames=1).eyes["eye"]
         for one in (cross, single)
@@ -229,9 +217,7 @@ def test_without_force_a_cross_is_seen_as_one_plane_of_a_known_gap(
     ]
 
 
-def test_an_evaluation_leaves_out_the_whole_moment(
-    calibration, cross, tmp_path: Path
-) -> None:
+def test_an_evaluation_leaves_out_the_whole_moment(calibration, cross, tmp_path):
     write_fixed_reader(tmp_path / "reader", SMALL_LIBRARY, [1.0] * 32)
     summary = summary_of(
         parse_calibration_file(json.dumps(calibration.to_dict()).encode(), "c.json")

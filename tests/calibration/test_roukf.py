@@ -52,7 +52,7 @@ class PointsForFilterPy:
 @pytest.mark.parametrize("rule", RULES)
 def test_linear_observation_of_a_gaussian_gives_the_kalman_filter(
     rule: str, iterations: int
-) -> None:
+):
     rng = np.random.default_rng(1)
     params = FilterParams(sigma_points(rule, 3), iterations=iterations, tolerance=0.0)
     mean = rng.normal(size=3)
@@ -77,7 +77,7 @@ def test_linear_observation_of_a_gaussian_gives_the_kalman_filter(
 @pytest.mark.parametrize("rule", RULES)
 def test_every_step_equals_filterpys_full_order_ukf_with_the_same_points(
     rule: str,
-) -> None:
+):
     rng = np.random.default_rng(4)
     sigma = sigma_points(rule, 3)
     peer = UnscentedKalmanFilter(
@@ -100,7 +100,7 @@ def test_every_step_equals_filterpys_full_order_ukf_with_the_same_points(
         np.testing.assert_allclose(posterior.covariance, peer.P, rtol=1e-8, atol=1e-10)
 
 
-def test_a_frame_full_of_outliers_is_a_misfit_that_widens_the_noise() -> None:
+def test_a_frame_full_of_outliers_is_a_misfit_that_widens_the_noise():
     rng = np.random.default_rng(10)
     H = rng.normal(size=(10, 2))
     y = 50 * rng.normal(size=10)
@@ -136,7 +136,7 @@ def test_a_frame_full_of_outliers_is_a_misfit_that_widens_the_noise() -> None:
 )
 def test_a_model_that_cannot_be_evaluated_or_rounding_keeps_the_posterior(
     observe: Callable[[Floats], Floats], noise: float, status: str
-) -> None:
+):
     prior = initial_posterior(np.zeros(1), np.eye(1))
     params = FilterParams(sigma_points("simplex", 1))
     y = np.ones(len(observe(np.ones((1, 1)))[0]))
@@ -147,9 +147,7 @@ def test_a_model_that_cannot_be_evaluated_or_rounding_keeps_the_posterior(
 
 @pytest.mark.parametrize("dimension", [1, 2, 3, 7])
 @pytest.mark.parametrize("rule", RULES)
-def test_every_rule_has_zero_mean_and_unit_covariance(
-    rule: str, dimension: int
-) -> None:
+def test_every_rule_has_zero_mean_and_unit_covariance(rule: str, dimension: int):
     points, weights = sigma_points(rule, dimension)
     assert weights.sum() == pytest.approx(1.0, abs=1e-14)
     np.testing.assert_allclose(weights @ points, 0.0, atol=1e-14)

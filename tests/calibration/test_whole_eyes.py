@@ -123,7 +123,7 @@ def frames(
     assert [model.outside(state) for state in states] == [None] * len(states)
     sections = [WallSection(*model.curves([state])[0]) for state in states]
 
-    return [boundaries for _, boundaries in moving(sections, rng, NOISE_M)]
+    return moving(sections, rng, NOISE_M)
 
 
 def after_frames(
@@ -167,8 +167,8 @@ def calibrated(
 
 @pytest.mark.parametrize("number", [0, 4, 7])
 def test_modulus_and_rigidity_of_a_sealed_eye_are_found_from_three_frames(
-    library: Library, number: int
-) -> None:
+    library, number: int
+):
     rigidity = float(np.linspace(0.008, 0.043, 8)[number])
     off, globe, off_sd = calibrated(
         library, rigidity, SEALED, np.random.default_rng(100 + number)
@@ -181,9 +181,7 @@ def test_modulus_and_rigidity_of_a_sealed_eye_are_found_from_three_frames(
 
 
 @pytest.mark.parametrize("seed", [200, 201])
-def test_an_open_eye_is_found_open_without_being_declared(
-    library: Library, seed: int
-) -> None:
+def test_an_open_eye_is_found_open_without_being_declared(library, seed: int):
     off, globe, _ = calibrated(library, 0.0, UNKNOWN, np.random.default_rng(seed))
     assert abs(off) < 0.03
     assert globe.mean / PER_UL == pytest.approx(0.0, abs=0.002)
@@ -192,8 +190,8 @@ def test_an_open_eye_is_found_open_without_being_declared(
 
 @pytest.mark.parametrize("way", [1, -1])
 def test_an_open_eye_under_pressure_is_not_taken_for_a_soft_sealed_one(
-    library: Library, way: int
-) -> None:
+    library, way: int
+):
     """A search that began from a stiff globe led to 0.01 MPa in its first frame."""
     modulus_pa = 0.2217e6
     eye = Setup(
@@ -254,8 +252,8 @@ class SealedEye:
 
 
 def test_a_sealed_eye_that_is_declared_open_diverges_and_a_doubt_names_its_rigidity(
-    library: Library, tmp_path: Path
-) -> None:
+    library, tmp_path
+):
     eye = SealedEye(library)
     recording = eye.recording(tmp_path / "shut", eye.plan(1.0))
     sealed = eye.calibrated(recording, SEALED)
@@ -274,8 +272,8 @@ def test_a_sealed_eye_that_is_declared_open_diverges_and_a_doubt_names_its_rigid
 
 
 def test_a_declared_leak_gives_the_rigidity_that_an_undeclared_one_hides(
-    library: Library, tmp_path: Path
-) -> None:
+    library, tmp_path
+):
     eye = SealedEye(library)
     iop_pa = wall_of(eye.setup).iop_pa
     rigidity = eye.setup.eye.globe.mean
@@ -334,7 +332,7 @@ def of_recording(
 )
 def test_an_open_eye_of_a_recording_is_found_open_without_being_declared(
     name: str, frames: int | None
-) -> None:
+):
     without = of_recording(name, None, frames)
     declared = of_recording(name, OPEN)
     assert (without.status, declared.status) == ("ok", "ok")
@@ -344,7 +342,7 @@ def test_an_open_eye_of_a_recording_is_found_open_without_being_declared(
 
 @pytest.mark.real
 @NEEDS_RECORDINGS
-def test_a_sealed_eye_of_a_recording_has_a_rigidity_and_does_not_diverge() -> None:
+def test_a_sealed_eye_of_a_recording_has_a_rigidity_and_does_not_diverge():
     found = of_recording("sample-c", SEALED, frames=3)
     assert (found.status, len(found.used), found.globe.calibrated) == ("ok", 3, True)
     assert 0.005 < found.globe.mean / PER_UL < 0.06
@@ -353,7 +351,7 @@ def test_a_sealed_eye_of_a_recording_has_a_rigidity_and_does_not_diverge() -> No
 
 @pytest.mark.real
 @NEEDS_RECORDINGS
-def test_a_needle_that_yields_is_read_as_well_as_with_elastic_tissue_declared() -> None:
+def test_a_needle_that_yields_is_read_as_well_as_with_elastic_tissue_declared():
     reader = sf.load_model("default")
     found = dict[bool, tuple[list[float], list[float], list[bool]]]()
 

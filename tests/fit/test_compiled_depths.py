@@ -49,7 +49,7 @@ def drawn(rng: np.random.Generator, **changed: float) -> np.ndarray:
 
 @pytest.mark.parametrize("globe", [OPEN, UNKNOWN], ids=["open", "unknown"])
 @pytest.mark.parametrize("smoothing_m", [0.0, 90e-6])
-def test_a_predicted_wall_is_the_same(globe: Globe, smoothing_m: float) -> None:
+def test_a_predicted_wall_is_the_same(globe: Globe, smoothing_m: float):
     rng = np.random.default_rng(3)
     places = replace(BOTH, smoothing_m=smoothing_m)
     walls = Walls(bulging(LIBRARY), globe)
@@ -64,7 +64,7 @@ def test_a_predicted_wall_is_the_same(globe: Globe, smoothing_m: float) -> None:
         np.testing.assert_allclose(loops.slope, arrays.slope, rtol=0, atol=1e-4)
 
 
-def test_a_wall_that_folds_and_places_beside_it_are_the_same() -> None:
+def test_a_wall_that_folds_and_places_beside_it_are_the_same():
     unknown = drawn(np.random.default_rng(1), tip_m=7e-3, rotation_rad=0.6)
     far = PlacesOnFrame(np.concatenate([LATERAL_M * 1.8] * 2), BOTH.boundary)
     looked_at = Walls(LIBRARY), unknown, far
@@ -82,7 +82,7 @@ def test_a_wall_that_folds_and_places_beside_it_are_the_same() -> None:
 )
 def test_derivatives_at_an_end_of_the_library_are_differences_inwards(
     name: str, step: float
-) -> None:
+):
     inner = drawn(np.random.default_rng(7), log_size=0.0)
     highest = LIBRARY.iop_ratio_ends(np.array([inner[THICKNESS]]))[1][0]
     ends = {
@@ -118,7 +118,7 @@ DISCREPANCY = ForceDiscrepancy(
 )
 def test_the_fit_of_a_frame_is_a_minimum_as_good_as_the_truth_with_its_posterior(
     globe: Globe,
-) -> None:
+):
     rng = np.random.default_rng(5)
     library = bulging(LIBRARY)
 
@@ -142,7 +142,7 @@ def test_the_fit_of_a_frame_is_a_minimum_as_good_as_the_truth_with_its_posterior
         )
 
 
-def test_fits_in_several_threads_are_the_same_to_the_last_bit() -> None:
+def test_fits_in_several_threads_are_the_same_to_the_last_bit():
     frames = [
         middling_eye(1e-3 * tip, pole_along=-0.1 * tip) for tip in (0.3, 0.8, 1.4, 2.0)
     ]
@@ -205,7 +205,7 @@ def states(count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     )
 
 
-def test_curves_forces_and_volumes_are_products_of_splines() -> None:
+def test_curves_forces_and_volumes_are_products_of_splines():
     state = states(40)
     tables = LIBRARY.tables
     curves = library_arrays.values_at(LIBRARY, tables.curves, *state).reshape(

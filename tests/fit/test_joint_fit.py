@@ -12,7 +12,7 @@ from analytic_frames import (
     BOTH,
     LATERAL_M,
     RANGES,
-    known_eye,
+    eye_of_population,
     middling_eye,
     noisy_boundaries,
 )
@@ -29,14 +29,13 @@ from scleraforce.fit.frames_of_an_eye import (
     fit_jointly,
 )
 from scleraforce.library import load_library
-from scleraforce.records.eye import Modulus
 from scleraforce.records.globe import SEALED
 from scleraforce.records.model_folder import LIBRARY_FILE, SHIPPED_READER
-from scleraforce.records.setup import Setup
 
 TRUE_PA = 0.3e6
 TIPS_M = tuple(1e-3 * np.linspace(0.3, 3.2, 8))
 COMPLIANCE_M_PER_N = 0.02
+PRIOR = eye_of_population(0.36e6, 0.12e6)
 SHIFT_M = 0.3e-3
 LIBRARY = load_library(SHIPPED_READER / LIBRARY_FILE).for_contact(0.6)
 WALLS = Walls(LIBRARY)
@@ -74,14 +73,6 @@ def shown(
     return tuple(frames)
 
 
-def prior(mean_pa: float = 0.36e6, sd_pa: float = 0.12e6) -> Setup:
-    modulus = Modulus(mean_pa=mean_pa, sd_pa=sd_pa, source="population")
-    return replace(
-        known_eye(middling_eye(0.0)),
-        eye=replace(known_eye(middling_eye(0.0)).eye, modulus=modulus),
-    )
-
-
 def own_of(tips_m: tuple[float, ...]) -> np.ndarray:
     return np.array([unknown[OWN] for unknown in eye_of(tips_m)])
 
@@ -89,7 +80,7 @@ def own_of(tips_m: tuple[float, ...]) -> np.ndarray:
 def fitted(
     frames: tuple[ShownFrame, ...], tips_m: tuple[float, ...] = TIPS_M
 ) -> JointFit:
-    return fit_jointly(LIBRARY, frames, prior(), RANGES, 0.0, own_of(tips_m) * 1.02)
+    return fit_jointly(LIBRARY, frames, PRIOR, RANGES, 0.0, own_of(tips_m) * 1.02)
 
 
 @pytest.fixture(scope="module")
@@ -100,41 +91,41 @@ def once() -> JointFit:
 OF_PRIOR = np.sqrt(np.log1p((0.12 / 0.36) ** 2))
 
 
-def test_deep_dents_tell_the_modulus_without_a_force(once: JointFit) -> None:
+def test_deep_dents_tell_the_modulus_without_a_force(once):
     mean, sd = once.log_modulus
     assert abs(mean - log(TRUE_PA)) < 2.0 * sd
     assert sd < 0.6 * OF_PRIOR
 
 
-def test_shallow_dents_leave_the_prior_unchanged() -> None:
+def test_shallow_dents_leave_the_prior_unchanged():
     tips_m = (0.02e-3, 0.04e-3, 0.06e-3)
     mean, sd = fitted(shown(tips_m), tips_m).log_modulus
     assert sd == pytest.approx(OF_PRIOR, rel=0.1)
     assert mean == pytest.approx(log(0.36e6) - 0.5 * OF_PRIOR**2, abs=0.2 * OF_PRIOR)
 
 
-def test_the_same_frames_once_more_do_not_halve_the_variance(once: JointFit) -> None:
+def test_the_same_frames_once_more_do_not_halve_the_variance(once):
     """Frames of one contact share the discrepancy: a plain product over them would be
     surer by 1.41.
     """
     twice = fit_jointly(
-        LIBRARY, shown() * 2, prior(), RANGES, 0.0, np.tile(once.own, (2, 1))
+        LIBRARY, shown() * 2, PRIOR, RANGES, 0.0, np.tile(once.own, (2, 1))
     )
     assert once.log_modulus[1] / twice.log_modulus[1] < 1.3
 
 
-def test_the_estimate_does_not_depend_on_the_order(once: JointFit) -> None:
+def test_the_estimate_does_not_depend_on_the_order(once):
     turned = fit_jointly(
-        LIBRARY, shown()[::-1], prior(), RANGES, 0.0, once.own[::-1], once.shared
+        LIBRARY, shown()[::-1], PRIOR, RANGES, 0.0, once.own[::-1], once.shared
     )
     assert turned.log_modulus == pytest.approx(once.log_modulus, abs=0.02)
 
 
-def test_the_gradient_equals_differences_of_the_cost() -> None:
+def test_the_gradient_equals_differences_of_the_cost():
     """The gradient is half the cost's slope, with all numbers: travel, a known force, a
     sealed globe's law.
     """
-    known = replace(prior(), eye=replace(prior().eye, globe=SEALED))
+    known = replace(PRIOR, eye=replace(PRIOR.eye, globe=SEALED))
     frame = replace(
         shown(travel=True)[5],
         force_n=0.02,
@@ -171,9 +162,9 @@ def test_the_gradient_equals_differences_of_the_cost() -> None:
         ), place
 
 
-def test_eliminating_each_frame_gives_the_step_of_the_whole_matrix() -> None:
+def test_eliminating_each_frame_gives_the_step_of_the_whole_matrix():
     """Oracle: the whole normal matrix of shared and own unknowns, solved at once."""
-    problem = frames_of_an_eye._EyeProblem(LIBRARY, shown()[:3], prior(), RANGES, 0.0)
+    problem = frames_of_an_eye._EyeProblem(LIBRARY, shown()[:3], PRIOR, RANGES, 0.0)
     shared = problem.mean.copy()
     own = own_of(TIPS_M[:3])
     seen = [
@@ -202,8 +193,8 @@ def test_eliminating_each_frame_gives_the_step_of_the_whole_matrix() -> None:
 
 
 def test_travel_makes_the_modulus_surer_and_finds_compliance_and_shift(
-    once: JointFit,
-) -> None:
+    once,
+):
     found = fitted(shown(travel=True))
     assert found.log_modulus[1] < once.log_modulus[1]
     assert abs(found.log_modulus[0] - log(TRUE_PA)) < 2.0 * found.log_modulus[1]
@@ -214,7 +205,7 @@ def test_travel_makes_the_modulus_surer_and_finds_compliance_and_shift(
     assert abs(found.shared[SHIFT] - SHIFT_M) < 2.5 * sd[SHIFT]
 
 
-def test_one_known_force_counts_in_the_same_posterior(once: JointFit) -> None:
+def test_one_known_force_counts_in_the_same_posterior(once):
     force = float(force_n(WALLS, eye_of(TIPS_M)[6][None])[0])
     frames = list(shown())
     frames[6] = replace(frames[6], force_n=force, force_sd_n=0.2e-3)
@@ -224,7 +215,7 @@ def test_one_known_force_counts_in_the_same_posterior(once: JointFit) -> None:
     assert found.forces_n[6] == pytest.approx(force, rel=0.03)
 
 
-def test_a_known_change_of_the_pressure_is_followed() -> None:
+def test_a_known_change_of_the_pressure_is_followed():
     """Half of the frames at twice the pressure; taken for one pressure they would
     contradict one another.
     """

@@ -55,7 +55,7 @@ def observed(noise: np.ndarray) -> WallColumns:
     return WallColumns(PLACES, depth, np.full(len(depth), SD_M))
 
 
-def test_the_gradient_is_that_of_the_loss() -> None:
+def test_the_gradient_is_that_of_the_loss():
     problem = Parabola(
         observed(np.random.default_rng(0).normal(0, 3 * SD_M, len(LATERAL_M)))
     )
@@ -71,7 +71,7 @@ def test_the_gradient_is_that_of_the_loss() -> None:
         )
 
 
-def test_without_outliers_it_is_plain_least_squares() -> None:
+def test_without_outliers_it_is_plain_least_squares():
     # so small that Cauchy's loss is quadratic
     noise = np.random.default_rng(1).normal(0, 1e-3 * SD_M, len(LATERAL_M))
     columns = observed(noise)
@@ -111,7 +111,7 @@ class Valley:
 @pytest.mark.parametrize("start", [(-1.2, 1.0), (-3.0, 9.0), (-10.0, 100.0)])
 def test_a_short_step_because_of_damping_does_not_end_the_fit(
     start: tuple[float, float],
-) -> None:
+):
     """Steps that are cut short on the way around the bend gain little, far from the
     end.
     """
@@ -119,7 +119,7 @@ def test_a_short_step_because_of_damping_does_not_end_the_fit(
     assert gauss_newton(Valley(), np.array(start), stopping)[2] < stopping.settled_cost
 
 
-def test_a_column_that_is_not_reached_costs_the_same_wherever_it_lies() -> None:
+def test_a_column_that_is_not_reached_costs_the_same_wherever_it_lies():
     columns = observed(np.zeros(len(LATERAL_M)))
     placed = Parabola(columns).depth(TRUE)
     seen = np.ones(len(LATERAL_M), dtype=bool)
@@ -135,7 +135,7 @@ def test_a_column_that_is_not_reached_costs_the_same_wherever_it_lies() -> None:
     assert not columns.normal_equations(nothing)[0].any()
 
 
-def test_columns_that_share_an_error_count_as_one() -> None:
+def test_columns_that_share_an_error_count_as_one():
     columns = observed(np.full(len(LATERAL_M), 2 * SD_M))
     shared = WallColumns(columns.places, columns.depth_m, columns.sd_m, as_one=4.0)
     placed = Parabola(columns).depth(TRUE)

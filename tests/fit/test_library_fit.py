@@ -77,7 +77,7 @@ def fitted(unknown: np.ndarray, depth: np.ndarray, setup: Setup | None = None):
 
 @pytest.mark.parametrize("globe", [OPEN, UNKNOWN], ids=["open", "unknown"])
 @pytest.mark.parametrize("tip_m", [0.3e-3, 2.2e-3])
-def test_derivatives_equal_differences(tip_m: float, globe: Globe) -> None:
+def test_derivatives_equal_differences(tip_m: float, globe: Globe):
     form = dict(
         zip(unknowns.FORMS, (2e-3, -0.02, 5.0, 3e-3, -0.1, 20.0, 5e-3), strict=True)
     )
@@ -124,7 +124,7 @@ def limbus_m(
 
 
 @pytest.mark.parametrize(("name", "side"), [("left", -1.0), ("right", 1.0)])
-def test_a_cornea_in_view_does_not_change_the_force(name: str, side: float) -> None:
+def test_a_cornea_in_view_does_not_change_the_force(name: str, side: float):
     truth = eye(1.2e-3)
     fit = fitted(truth, boundaries(truth) + limbus_m(truth, side, 3.2e-3, 0.33))
     assert fit.force_n == pytest.approx(true_n(truth), rel=0.03)
@@ -137,9 +137,7 @@ def test_a_cornea_in_view_does_not_change_the_force(name: str, side: float) -> N
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 @pytest.mark.parametrize("tip_m", [0.05e-3, 0.4e-3])
-def test_the_furrow_at_a_limbus_is_not_taken_for_the_dent(
-    side: float, tip_m: float
-) -> None:
+def test_the_furrow_at_a_limbus_is_not_taken_for_the_dent(side: float, tip_m: float):
     truth = eye(tip_m, lateral_m=0.1e-3)
     depths = boundaries(truth, noise_m=4e-6, rng=np.random.default_rng(7))
     fit = fitted(truth, depths + limbus_m(truth, side, 2.4e-3, 0.25))
@@ -153,7 +151,7 @@ def test_the_furrow_at_a_limbus_is_not_taken_for_the_dent(
 )
 def test_a_boundary_without_errors_gives_force_contact_size_and_class_probabilities(
     tip_m: float, log_size: float
-) -> None:
+):
     truth = eye(tip_m, log_size=log_size)
     fit = fitted(truth, boundaries(truth))
     assert fit.force_n == pytest.approx(true_n(truth), rel=0.01, abs=5e-5)
@@ -168,7 +166,7 @@ def test_a_boundary_without_errors_gives_force_contact_size_and_class_probabilit
 
 
 @pytest.mark.parametrize("tip_m", [0.1e-3, 0.8e-3])
-def test_a_surface_that_shines_is_not_taken_for_a_shallower_dent(tip_m: float) -> None:
+def test_a_surface_that_shines_is_not_taken_for_a_shallower_dent(tip_m: float):
     """Repeated here: the edge lies higher where the surface faces the light. Without,
     forces were 1 mN off.
     """
@@ -194,7 +192,7 @@ def test_a_surface_that_shines_is_not_taken_for_a_shallower_dent(tip_m: float) -
 
 
 @pytest.mark.slow
-def test_intervals_cover_the_force_where_the_noise_is_as_stated() -> None:
+def test_intervals_cover_the_force_where_the_noise_is_as_stated():
     rng = np.random.default_rng(3)
     inside = []
     off = []
@@ -226,7 +224,7 @@ def without(setup: Setup, missing: str) -> Setup:
     return replace(setup, eye=replace(setup.eye, **{missing: None}))
 
 
-def test_unknown_values_of_the_eye_widen_the_interval() -> None:
+def test_unknown_values_of_the_eye_widen_the_interval():
     truth = eye(1.2e-3)
     depth = boundaries(truth, 8e-6, np.random.default_rng(5))
     all_known = known_eye(truth)
@@ -283,7 +281,7 @@ def test_stretches_where_the_choroid_is_taken_for_the_walls_end_are_not_outliers
         assert found.outliers == pytest.approx(outliers, abs=0.01)
 
 
-def test_a_dent_that_leaves_the_window_is_read_from_its_flanks() -> None:
+def test_a_dent_that_leaves_the_window_is_read_from_its_flanks():
     truth = eye(4.2e-3, depth_m=0.6e-3)
     depth = boundaries(truth, 8e-6, np.random.default_rng(7))
     assert np.isnan(depth[0, 110:150]).any()
@@ -292,7 +290,7 @@ def test_a_dent_that_leaves_the_window_is_read_from_its_flanks() -> None:
     assert fit.tip_m == pytest.approx(4.2e-3, abs=0.3e-3)
 
 
-def test_the_outer_boundary_is_enough_and_a_few_columns_are_not() -> None:
+def test_the_outer_boundary_is_enough_and_a_few_columns_are_not():
     truth = eye(1.5e-3)
     depth = boundaries(truth, 6e-6, np.random.default_rng(8))
     depth[1] = np.nan

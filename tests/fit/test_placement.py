@@ -35,7 +35,7 @@ def first_crossing_depth(curve: np.ndarray, at: float) -> float:
     return float("nan")
 
 
-def test_depths_agree_with_a_naive_search_along_the_curve() -> None:
+def test_depths_agree_with_a_naive_search_along_the_curve():
     curves = place_curves(bowl(), 0.3e-3, 0.5e-3, 0.05)
     depth, _, seen = curve_depths(curves, BOTH)
     naive = [first_crossing_depth(curve, x) for curve in curves for x in LATERAL_M]
@@ -43,7 +43,7 @@ def test_depths_agree_with_a_naive_search_along_the_curve() -> None:
     np.testing.assert_allclose(depth, naive, atol=1e-12)
 
 
-def test_light_sees_the_first_part_of_a_wall_that_folds_back() -> None:
+def test_light_sees_the_first_part_of_a_wall_that_folds_back():
     lateral = [-2.0, 0.0, 0.5, 0.2, 0.4, 1.0, 3.0]
     down = [0.0, 0.0, 1.0, 2.0, 2.5, 3.0, 3.0]
     folded = 1e-3 * np.stack([lateral, down], axis=1)
@@ -61,7 +61,7 @@ def test_light_sees_the_first_part_of_a_wall_that_folds_back() -> None:
     assert not slope.any()
 
 
-def test_the_oracle_smooths_by_a_gaussian_average() -> None:
+def test_the_oracle_smooths_by_a_gaussian_average():
     outer = bowl(4000)[0]
     sd_m = 60e-6
     depth, _, _ = smoothed(

@@ -65,9 +65,7 @@ BESIDE = (
     ],
     ids=["upright", "tilted"],
 )
-def test_contact_tilt_and_dent_are_found_without_a_gap(
-    planes, contact_m, tilt_rad
-) -> None:
+def test_contact_tilt_and_dent_are_found_without_a_gap(planes, contact_m, tilt_rad):
     tip_m = tip_of(0.02)
     fits, place = fit_planes(
         LIBRARY, seen_planes(planes, tip_m, contact_m, tilt_rad, noise_m=3e-6)
@@ -90,7 +88,7 @@ def test_contact_tilt_and_dent_are_found_without_a_gap(
         assert fit.misfit_m < 8e-6
 
 
-def test_a_cross_knows_the_gap_and_the_force_better_than_one_plane() -> None:
+def test_a_cross_knows_the_gap_and_the_force_better_than_one_plane():
     planes = seen_planes(CROSS, tip_of(0.012), (0.3e-3, -0.3e-3, 0.5e-3), noise_m=3e-6)
     alone = fit_boundaries(LIBRARY, LATERAL_M, planes[0].depth_bc, PRIOR)
     (first, _), place = fit_planes(LIBRARY, planes)
@@ -105,7 +103,7 @@ def test_a_cross_knows_the_gap_and_the_force_better_than_one_plane() -> None:
 )
 def test_a_fit_that_starts_from_another_prior_s_ends_where_a_search_does(
     planes,
-) -> None:
+):
     seen = seen_planes(
         planes, tip_of(0.02), (0.2e-3, -0.45e-3, 0.5e-3), (0.03, -0.02), noise_m=2e-6
     )
@@ -137,7 +135,7 @@ def test_a_fit_that_starts_from_another_prior_s_ends_where_a_search_does(
 
 
 @pytest.mark.parametrize("planes", [CROSS, PARALLEL], ids=["cross", "parallel"])
-def test_the_gradient_is_that_of_the_cost(planes) -> None:
+def test_the_gradient_is_that_of_the_cost(planes):
     """The weight of a column changes with the wall's slope, which the method leaves
     out.
     """
@@ -173,7 +171,7 @@ def test_the_gradient_is_that_of_the_cost(planes) -> None:
         )
 
 
-def test_a_plane_alone_and_one_that_shows_too_little() -> None:
+def test_a_plane_alone_and_one_that_shows_too_little():
     planes = seen_planes(CROSS, tip_of(0.012), (0.0, -0.4e-3, 0.5e-3))
     (only,), place = fit_planes(LIBRARY, planes[:1])
     assert place is None

@@ -134,12 +134,12 @@ def coverage(seed: int, drawn: Globe, given: str) -> float:
 )
 def test_intervals_of_sealed_walls_hold_the_force_for_any_knowledge_of_the_globe(
     drawn: Globe, given: str
-) -> None:
+):
     # 90 %, less two and a half standard deviations of 120 eyes
     assert coverage(11, drawn, given) >= 0.83
 
 
-def test_unknown_values_of_a_globe_widen_the_interval() -> None:
+def test_unknown_values_of_a_globe_widen_the_interval():
     truth = eye(0.8e-3, 0.2)
     depth = boundaries(truth, np.random.default_rng(6))
     force = true_force_n(truth)
@@ -265,8 +265,8 @@ def taut_wall(
     ("rigidity", "thickness_m"), [(1.0, 0.58e-3), (1.25, 0.6e-3), (1.6, 0.5e-3)]
 )
 def test_a_frame_near_the_pressure_that_runs_away_is_read_right(
-    library: Library, rigidity: float, thickness_m: float
-) -> None:
+    library, rigidity: float, thickness_m: float
+):
     """From rest to 21 mmHg the dent hardly deepens any more: where nothing says where
     the pole lies, forces that are twice as large look nearly alike, and a search from
     the dents that lie best ends a third below the truth.
@@ -288,8 +288,8 @@ def test_a_frame_near_the_pressure_that_runs_away_is_read_right(
 
 
 def test_a_globe_of_unknown_kind_that_was_found_to_be_open_is_read(
-    library: Library,
-) -> None:
+    library,
+):
     found = replace(UNKNOWN, mean=0.0, sd=0.01 * REFERENCE_RIGIDITY, calibrated=True)
     truth = eye(0.8e-3, 0.0)
     depth = predict_wall(Walls(library, OPEN), truth, BOTH).depth_m.reshape(2, -1)

@@ -20,7 +20,7 @@ def walls(count: int = 200) -> tuple[np.ndarray, np.ndarray]:
     return thickness, np.minimum(resting, 0.05 * thickness / LIBRARY.radius_m)
 
 
-def test_an_open_globe_and_one_without_a_force_keep_their_pressure() -> None:
+def test_an_open_globe_and_one_without_a_force_keep_their_pressure():
     thickness, resting = walls()
     globe = sealed_law(0.03 * PER_UL).over(0.4e6)
     forces = np.full(len(thickness), 5e-8)
@@ -40,7 +40,7 @@ def test_an_open_globe_and_one_without_a_force_keep_their_pressure() -> None:
 
 
 @pytest.mark.parametrize("law", RIGIDITY_LAWS)
-def test_pressures_agree_with_root_finding(law: str) -> None:
+def test_pressures_agree_with_root_finding(law: str):
     rng = np.random.default_rng(8)
     thickness, resting = walls()
     falling = rng.random(len(thickness)) < 0.1

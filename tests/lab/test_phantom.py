@@ -2,7 +2,7 @@
 
 import json
 from collections import Counter
-from dataclasses import asdict, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -14,8 +14,6 @@ from scleraforce.front.cli.main import run
 from scleraforce.lab.virtual_eye import (
     LinearSections,
     paper_eyes,
-    scan_plane,
-    study_sections,
 )
 from scleraforce.lab.virtual_recording import (
     PhantomPlan,
@@ -34,7 +32,6 @@ from scleraforce.recordings.frame_and_force_tables import ForceLog
 from scleraforce.recordings.recording_folder import read_recording, true_forces
 from scleraforce.records import study as st
 from scleraforce.records.eye import Eye, Modulus
-from scleraforce.records.globe import OPEN
 from scleraforce.records.motion import Motion
 from scleraforce.records.needle import Needle
 from scleraforce.records.scan import Plane, Scan
@@ -76,28 +73,6 @@ def written(plan, tmp_path_factory):
 
 def truth_of(recording):
     return json.loads((recording / "truth.json").read_text())
-
-
-def test_the_recording_has_the_plans_frames_forces_and_values(written):
-    recording = read_recording(written)
-    info = recording.info
-    assert (info.eye_name, info.eye.thickness_m, info.eye.globe) == (
-        "eye-x",
-        600e-6,
-        OPEN,
-    )
-    assert (info.needle.gap_m, info.needle.gauge) == (0.5e-3, 22)
-    assert info.scan.direction_rad == 0.2
-    assert [frame.file for frame in recording.frames] == [
-        "0001.png",
-        "0002.png",
-        "0003.png",
-    ]
-    trials = label_frames(recording, STUDY.classes)
-    assert [trial.measured_force_n for trial in trials] == pytest.approx(
-        FORCES_N, abs=1.5e-3
-    )
-    assert [trial.target for trial in trials] == [1, 0, 2]
 
 
 @pytest.mark.parametrize(
@@ -186,34 +161,6 @@ def test_several_planes_are_of_an_eye_at_finite_strain_that_does_not_leak(change
         in_planes(plan_phantom(EYE, FORCES_N, study, 3), PLANES, study)
 
 
-def test_truth_has_every_parameter(written, plan):
-    truth = truth_of(written)
-    assert truth["simulated"] is True
-    assert truth["eye"] == {
-        "id": "eye-x",
-        "thickness_m": 600e-6,
-        "youngs_modulus_pa": 0.25e6,
-        "iop_pa": 266.0,
-        "gap_m": wall_of(EYE).gap_m,
-        **asdict(scan_plane(EYE).contact),
-        "direction_rad": scan_plane(EYE).direction_rad,
-        "tilt_rad": scan_plane(EYE).tilt_rad,
-    }
-    assert truth["tissue"] == json.loads(json.dumps(asdict(STUDY.tissue)))
-    assert truth["seed"] == 3
-    assert set(truth["versions"]) >= {"scleraforce", "numpy"}
-
-    for said, frame, force_n in zip(
-        truth["frames"], plan.frames, FORCES_N, strict=True
-    ):
-        assert said["force_n"] == pytest.approx(force_n)
-        assert said["target"] == STUDY.classes.classify(force_n)
-        assert said["pressure_pa"] == wall_of(EYE).iop_pa
-        assert said["pose"] == asdict(frame.pose)
-        assert said["optics"] == json.loads(json.dumps(asdict(frame.optics)))
-        assert said["seed"] == list(frame.seed)
-
-
 @pytest.mark.parametrize(
     ("name", "seed", "same"), [("eye-x", 3, True), ("eye-x", 4, False), ("y", 3, False)]
 )
@@ -271,26 +218,11 @@ def test_impossible_motions_are_refused(motion, said):
         moving(**motion)
 
 
-@pytest.mark.parametrize(
-    ("field", "value", "key"),
-    [
-        ("thickness_m", 5e-2, "thickness_m"),
-        ("iop_pa", -1.0, "iop_pa"),
-        ("name", "a/b", "id"),
-        ("gap_m", float("nan"), "gap_m"),
-    ],
-)
-def test_impossible_eyes_are_refused(field, value, key):
-    with pytest.raises(InputError, match=f"{key}: "):
-        plan_phantom(changed(EYE, **{field: value}), FORCES_N, STUDY, 0)
-
-
 def test_a_puncture_is_of_an_eye_that_keeps_still(tmp_path):
-    phantom = replace(MOVING_STUDY.phantom, eye_drift_rad=st.fixed(0.02))
-    turning = replace(MOVING_STUDY, phantom=phantom)
-    plan = moving(turning, puncture_n=0.04)
+    """Sections that are not of one resting eye stand for those of an eye that turns."""
+    plan = moving(puncture_n=0.04)
     with pytest.raises(RecordingError, match="puncture: of an eye that keeps still"):
-        write_phantom(tmp_path / "x", plan, study_sections(EYE, turning), turning)
+        write_phantom(tmp_path / "x", plan, flat_sections, MOVING_STUDY)
 
 
 def forces_mn(eyes):
@@ -306,12 +238,6 @@ def test_paper_eyes_have_the_design_of_tables_1_and_2():
     ]
     expected = [0, 11, 14], [1, 2, 2], [2, 0, 3], [2, 1, 2], [2, 1, 2]
     assert [[count[target] for target in range(3)] for count in counts] == [*expected]
-    assert [
-        (round(setup.eye.thickness_m * 1e6), round(setup.eye.modulus_pa / 1e6, 2))
-        for setup, _ in eyes
-    ] == [(800, 0.27), (500, 0.22), (650, 0.24), (560, 0.29), (800, 0.25)]
-    assert len(forces_mn(eyes)) == 45
-    assert forces_mn(eyes).max() <= 58.0
     assert np.abs(forces_mn(eyes)[:, None] - [5.0, 30.0]).min() >= 2.0
     # others of the same eyes and classes may lie at the bounds
     near = paper_eyes(study, to_the_bounds=True)
@@ -332,14 +258,7 @@ def test_commands_write_recordings_of_held_and_moving_needles_and_print_json(
     arguments = ["phantom", "--study", str(study), "--eye", "pig", "--json", "--out"]
     given = ["--forces-mn", "30,2", "--thickness-um", "700", "--iop-mmhg", "3"]
     assert run([*arguments, str(out), *given]) == 0
-    assert json.loads(capsys.readouterr().out) == {
-        "recording": str(out),
-        "frames": 2,
-        "seed": 0,
-        "mechanics": "linear",
-        "globe": "open",
-        "stiffening": 0,
-    }
+    assert json.loads(capsys.readouterr().out)["frames"] == 2
     eye = read_recording(out).info.eye
     assert (eye.name, eye.thickness_m) == ("pig", 700e-6)
     assert eye.iop_pa == pytest.approx(400.0, abs=0.1)
@@ -378,7 +297,7 @@ def flat_sections(forces_n):
         yield WallSection(outer, outer + np.array([0.0, 600e-6]))
 
 
-def test_the_force_follows_ramps_and_holds_through_its_turning_points() -> None:
+def test_the_force_follows_ramps_and_holds_through_its_turning_points():
     plan = moving()
     times_s = np.array([frame.time_s for frame in plan.frames])
     # Off for 2.5 s; 1 s up to 20 mN; 0.5 s there; 0.75 s down to 5 mN; 0.5 s there; 1.5
@@ -396,7 +315,7 @@ def test_the_force_follows_ramps_and_holds_through_its_turning_points() -> None:
     assert plan.path.felt_n(np.array([9.0])) == pytest.approx(0.035)
 
 
-def test_labels_of_its_recording_follow_a_needle_that_moves(tmp_path) -> None:
+def test_labels_of_its_recording_follow_a_needle_that_moves(tmp_path):
     """With noise of 4 mN, and steps of 5 mN below 5 Hz."""
     plan = moving()
     few = replace(plan, frames=plan.frames[::4])
@@ -406,7 +325,7 @@ def test_labels_of_its_recording_follow_a_needle_that_moves(tmp_path) -> None:
     assert np.sqrt((errors_n**2).mean()) < 1.5e-3
 
 
-def test_the_eye_and_the_light_change_smoothly_within_their_ranges() -> None:
+def test_the_eye_and_the_light_change_smoothly_within_their_ranges():
     frames = moving(rate_hz=100.0, hold_s=20.0).frames
     for values, low, high, fastest in (
         ([frame.pose.lateral_m for frame in frames], -0.2e-3, 0.2e-3, 0.7e-3),
@@ -433,7 +352,7 @@ def through() -> tuple[PhantomPlan, LinearSections]:
 
 def test_through_the_wall_the_force_falls_within_milliseconds_and_friction_turns_with_the_needle(
     through,
-) -> None:
+):
     pierced, _ = through
     path = pierced.path
     puncture = path.puncture
@@ -467,7 +386,7 @@ def test_through_the_wall_the_force_falls_within_milliseconds_and_friction_turns
 
 def test_the_dent_springs_back_is_pulled_outwards_and_a_track_stays_as_deep_as_the_needle_was(
     through,
-) -> None:
+):
     pierced, sections_at = through
     sections, _ = plan_sections(pierced, sections_at)
     rest = sections_at([0.0])[0]
@@ -501,7 +420,7 @@ def test_the_dent_springs_back_is_pulled_outwards_and_a_track_stays_as_deep_as_t
 
 def test_a_recording_of_it_has_the_travel_and_only_its_truth_the_puncture(
     through, tmp_path
-) -> None:
+):
     pierced, sections_at = through
     few = replace(pierced, frames=pierced.frames[::40])
     write_phantom(tmp_path / "rec", few, sections_at, MOVING_STUDY)
@@ -556,7 +475,7 @@ def test_the_force_is_the_given_one_at_frames_and_falls_as_tissue_relaxes_while_
 
 def test_a_frame_shows_the_dent_of_the_elastic_force_and_truth_tells_both(
     tmp_path,
-) -> None:
+):
     first, _ = RELAXING
     plan = pushed((first, (st.Range(min=0.1, max=0.2), st.fixed(12.0))))
     asked: list[list[float]] = []
@@ -611,7 +530,7 @@ def test_the_log_is_the_force_with_sign_offset_drift_noise_and_cross_talk_at_its
         assert offset == pytest.approx(sensor.offset_n[column], abs=3e-4)
 
 
-def test_a_plan_of_too_many_frames_is_refused_before_they_are_drawn() -> None:
+def test_a_plan_of_too_many_frames_is_refused_before_they_are_drawn():
     """1.8 billion frames, each within the limits of rate, ramp and hold."""
     motion = {"rate_hz": 1000.0, "ramp_n_per_s": 1e-5, "hold_s": 3600.0}
     with less_than(64 * 2**20), pytest.raises(RecordingError, match="may have 100000"):

@@ -27,7 +27,7 @@ from scleraforce.records.study import PhantomStudy, parse_study
 from scleraforce.wall.wall_network import reduced_frame
 
 SEEDS = range(7000, 7006)
-DISPLAY_FEW = range(7110, 7113)
+DISPLAY_FEW = range(7110, 7112)
 FEW = range(7010, 7013)  # where three frames are enough
 # Keys by how far a measured median may lie off the truth, over a few frames.
 WITHIN_1_DB = ("snr_db", "display_floor_db", "display_range_db", "choroid_level_db")
@@ -57,39 +57,52 @@ def check_recovered(
         ), key
 
 
+def check_drawn_alike(found: MeasuredScanner, least: float) -> None:
+    """Check that a frame drawn like a measured one has its histogram."""
+    frame = found.frames[0]
+    drawn = drawn_alike(frame, found.phantom(), np.random.default_rng(1))
+    most = 2**frame.eye.bits - 1
+    assert histogram_overlap(frame.eye.pixels, drawn, most) > least
+
+
 @pytest.mark.parametrize(
-    ("scanner", "optics"),
+    ("seeds", "scanner", "optics"),
     [
-        pytest.param(SCANNER, {}, id="the common one"),
+        pytest.param(FEW, SCANNER, {}, id="the common one"),
         pytest.param(
+            SEEDS,
             SCANNER,
             {"snr_db": 26.0, "display_range_db": 46.0, "reflection_db": 5.0},
             id="bright",
             marks=slow,
         ),
         pytest.param(
+            SEEDS,
             SCANNER,
             {"snr_db": 18.0, "attenuation_per_m": 1400.0, "choroid_level_db": -6.0},
             id="dim, attenuating",
             marks=slow,
         ),
         pytest.param(
+            SEEDS,
             SCANNER,
             COARSE | {"display_floor_db": -8.0, "reflection_db": 4.0},
             id="coarse speckle",
             marks=slow,
         ),
         pytest.param(
+            FEW,
             DEEP,
             {"attenuation_per_m": 700.0, "choroid_thickness_m": 220e-6},
             id="8 bits, stretched depth",
         ),
     ],
 )
-def test_levels_lengths_and_attenuations_are_recovered(scanner, optics) -> None:
-    found = measure_scanner(drawn_eyes(SEEDS, scanner, **optics))
+def test_levels_lengths_and_attenuations_are_recovered(seeds, scanner, optics):
+    found = measure_scanner(drawn_eyes(seeds, scanner, **optics))
     levels = WITHIN_1_DB + AND_1_DB
     check_recovered(found, optics, levels, WITHIN_10_PERCENT + AND_10_PERCENT)
+    check_drawn_alike(found, 0.97)
 
 
 @pytest.mark.parametrize(
@@ -122,31 +135,27 @@ def test_levels_lengths_and_attenuations_are_recovered(scanner, optics) -> None:
 )
 def test_root_and_linear_displays_are_recognised_and_their_scanner_is_measured(
     display, scanner, optics
-) -> None:
+):
     found = measure_scanner(drawn_eyes(DISPLAY_FEW, scanner, display=display, **optics))
     assert found.display.name == found.phantom().display == display
     check_recovered(found, optics, WITHIN_1_DB, WITHIN_10_PERCENT)
-    drawn = drawn_alike(found.frames[0], found.phantom(), np.random.default_rng(1))
-    assert (
-        histogram_overlap(found.frames[0].eye.pixels, drawn, 2**scanner.bits - 1) > 0.95
-    )
+    check_drawn_alike(found, 0.95)
 
 
-def test_a_surface_that_is_bright_at_all_angles_is_no_reflection() -> None:
+def test_a_surface_that_is_bright_at_all_angles_is_no_reflection():
     """The fit runs to the largest angle that it looks for."""
     found = measure_scanner(drawn_eyes(FEW, reflection_angle_rad=50.0)).ranges
     for name in ("reflection_db", "reflection_angle_rad"):
         assert isinstance(found[name], Unmeasured)
 
 
-def test_shadows_and_lines_are_recovered() -> None:
+def test_shadows_and_lines_are_recovered():
     shadow = Shadow(centre_m=2e-3, width_m=0.6e-3, loss_fraction=0.55)
     line = ReflectionLine(depth_m=0.2e-3, level_db=8.0, thickness_m=16e-6)
-    found = measure_scanner(drawn_eyes(SEEDS, shadows=(shadow,), lines=(line,)))
-    assert found.counts == {
-        "shadow_count": (1,) * len(SEEDS),
-        "line_count": (1,) * len(SEEDS),
-    }
+    eyes = drawn_eyes(SEEDS, shadows=(shadow,), lines=(line,))
+    found = measure_scanner(eyes)
+    one_each = (1,) * len(eyes)
+    assert found.counts == {"shadow_count": one_each, "line_count": one_each}
     lengths = {
         "shadow_loss_fraction": 0.55,
         "shadow_width_m": 0.6e-3,
@@ -159,7 +168,7 @@ def test_shadows_and_lines_are_recovered() -> None:
     assert found.ranges["line_level_db"].median == pytest.approx(8.0, abs=0.5)
 
 
-def test_resolution_finer_than_the_pixels_is_said_to_be_at_most_so_much() -> None:
+def test_resolution_finer_than_the_pixels_is_said_to_be_at_most_so_much():
     found = measure_scanner(
         drawn_eyes(FEW, axial_resolution_m=3e-6, lateral_resolution_m=12e-6)
     ).ranges
@@ -175,8 +184,8 @@ def test_resolution_finer_than_the_pixels_is_said_to_be_at_most_so_much() -> Non
 
 @pytest.mark.slow
 def test_roll_off_is_measured_where_the_light_falls_with_depth(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    monkeypatch,
+):
     """The wall's columns get 3 dB less for every mm that their surface lies deeper;
     without that, they get the same.
     """
@@ -195,7 +204,7 @@ def test_roll_off_is_measured_where_the_light_falls_with_depth(
 
 
 @pytest.mark.slow
-def test_averaged_noise_leaves_the_scale_of_the_display_to_the_speckle() -> None:
+def test_averaged_noise_leaves_the_scale_of_the_display_to_the_speckle():
     """The air of eight frames, averaged in intensity; the wall's speckle is the same in
     all of them.
     """
@@ -227,15 +236,7 @@ def test_averaged_noise_leaves_the_scale_of_the_display_to_the_speckle() -> None
     )
 
 
-def test_a_frame_drawn_like_a_measured_one_has_its_histogram() -> None:
-    found = measure_scanner(drawn_eyes(FEW))
-    for frame in found.frames:
-        drawn = drawn_alike(frame, found.phantom(), np.random.default_rng(1))
-        assert drawn.shape == frame.eye.pixels.shape
-        assert histogram_overlap(frame.eye.pixels, drawn, 4095) > 0.97
-
-
-def test_frames_whose_noise_is_cut_off_or_whose_wall_saturates_are_refused() -> None:
+def test_frames_whose_noise_is_cut_off_or_whose_wall_saturates_are_refused():
     bright = {"snr_db": 30.0, "attenuation_per_m": 100.0, "display_range_db": 30.0}
     for optics, fault in (
         ({"display_floor_db": 4.0}, "noise above the tissue is black"),
@@ -245,21 +246,17 @@ def test_frames_whose_noise_is_cut_off_or_whose_wall_saturates_are_refused() -> 
             measure_scanner(drawn_eyes(range(7300, 7301), **optics))
 
 
-def test_the_text_is_a_study_that_says_where_it_came_from_and_what_is_missing() -> None:
-    scanner = measure_scanner(drawn_eyes(range(7600, 7602), choroid_level_db=-60.0))
+def test_the_text_is_a_study_that_says_where_it_came_from_and_what_is_missing():
+    scanner = measure_scanner(drawn_eyes(range(7600, 7601), choroid_level_db=-60.0))
     hostile = 'evil"\n[eye]\nradius_mm = 1'
     text = study_text(scanner, [hostile, *["b.png"] * 30], "2026-11-23", "1.2.3")
     study = parse_study(text)
-    assert (study.oct.columns, study.oct.rows) == (512, 512)
-    assert study.eye == parse_study("").eye
     assert (study.phantom, study.scenes) == (scanner.phantom(), scanner.scenes())
     assert set(tomllib.loads(text)) == {"oct", "phantom", "scenes"}
-    assert "1.2.3 on 2026-11-23, on 31 frame(s)" in text
-    assert "# choroid_level_db: not measured, as in the paper's study: " in text
     assert study.phantom.choroid_level_db == PhantomStudy().choroid_level_db
 
 
-def test_scenes_of_a_scanner_far_from_the_default_look_as_its_frames_do() -> None:
+def test_scenes_of_a_scanner_far_from_the_default_look_as_its_frames_do():
     """Its display is linear, its light dim, its pixels few: scenes of round eyes are
     measured like its frames.
     """
@@ -271,7 +268,7 @@ def test_scenes_of_a_scanner_far_from_the_default_look_as_its_frames_do() -> Non
         "band_m": 0.0,
     }
     eyes = drawn_eyes(
-        range(7900, 7904),
+        range(7900, 7902),
         far,
         display="linear",
         display_floor_db=-30.0,
@@ -304,7 +301,7 @@ def test_scenes_of_a_scanner_far_from_the_default_look_as_its_frames_do() -> Non
             noise_tilt_db=0.0,
         ),
     )
-    drawn = [draw_scene(round_eyes, number).frame for number in range(4)]
+    drawn = [draw_scene(round_eyes, number).frame for number in range(2)]
     again = measure_scanner(imaged(frame, far) for frame in drawn)
     assert again.display.name == "linear"
     assert again.ranges["snr_db"].median == pytest.approx(16.0, abs=3.0)
@@ -319,7 +316,7 @@ def test_scenes_of_a_scanner_far_from_the_default_look_as_its_frames_do() -> Non
     assert histogram_overlap(seen, alike, 2) > 0.8
 
 
-def test_averaged_noise_on_a_linear_display_is_refused() -> None:
+def test_averaged_noise_on_a_linear_display_is_refused():
     rng = np.random.default_rng(7150)
     shown = drawn_counts(
         DISPLAY_FEW[0], display="linear", display_floor_db=-20.0, display_range_db=48.0
@@ -340,7 +337,7 @@ def test_averaged_noise_on_a_linear_display_is_refused() -> None:
 
 
 @pytest.mark.parametrize("display", ["linear", "root", "logarithmic"])
-def test_behind_a_wall_of_even_light_the_noise_shows_the_display(display: str) -> None:
+def test_behind_a_wall_of_even_light_the_noise_shows_the_display(display: str):
     shown = {"display": display, "display_range_db": 42.0, "display_floor_db": -12.0}
     eyes = drawn_eyes(
         DISPLAY_FEW[:1], replace(SCANNER, bits=16), attenuation_per_m=20.0, **shown

@@ -3,7 +3,6 @@
 import json
 from dataclasses import asdict, replace
 from math import radians
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -55,7 +54,7 @@ EYE = Setup(
 FORCES_N = (0.012, 0.0, 0.004)
 
 
-def test_each_section_is_that_of_its_state_alone() -> None:
+def test_each_section_is_that_of_its_state_alone():
     together = study_sections(EYE, STUDY)(FORCES_N)
     wall = {"thickness_m": 800e-6, "youngs_modulus_pa": 0.3e6, "iop_pa": 266.0}
     bent = bend_eye(STUDY, scan_plane(EYE).contact, PathEnd(max_force=0.012), **wall)
@@ -74,7 +73,7 @@ def test_each_section_is_that_of_its_state_alone() -> None:
     )
 
 
-def test_a_larger_force_later_is_answered_and_smaller_ones_stay() -> None:
+def test_a_larger_force_later_is_answered_and_smaller_ones_stay():
     sections_at = BentSections(EYE, STUDY)
     small = sections_at([0.003])[0]
     large, again = sections_at([0.012, 0.003])
@@ -84,7 +83,7 @@ def test_a_larger_force_later_is_answered_and_smaller_ones_stay() -> None:
     assert sections_at([]) == []
 
 
-def test_small_forces_without_pressure_bend_as_in_linear_mechanics() -> None:
+def test_small_forces_without_pressure_bend_as_in_linear_mechanics():
     plain = replace(STUDY, form=st.FormStudy(), eye=st.EyeStudy(density_kg_m3=0.0))
     eye = changed(EYE, iop_pa=0.0)
     forces_n = (0.0, 1e-4)
@@ -95,23 +94,16 @@ def test_small_forces_without_pressure_bend_as_in_linear_mechanics() -> None:
     assert np.abs(moved - linear_moved).max() < 0.005 * np.abs(linear_moved).max()
 
 
-@pytest.mark.parametrize(
-    ("changes", "key"),
-    [
-        ({"form": STUDY.form}, r"form\.semi_axes, form\.wave"),
-        ({"needle": st.NeedleStudy(tilt_rad=0.1)}, "tilt_deg"),
-        ({"globe": st.GlobeStudy("sealed")}, r"globe\.kind"),
-    ],
-)
-def test_linear_mechanics_refuses_an_eye_that_it_does_not_support(changes, key) -> None:
+def test_linear_mechanics_refuses_an_eye_that_it_does_not_support():
     linear = {"mechanics": st.MechanicsStudy("linear"), "form": st.FormStudy()}
-    with pytest.raises(InputError, match=key):
-        study_sections(EYE, replace(STUDY, **(linear | changes)))
+    leaning = replace(STUDY, needle=st.NeedleStudy(tilt_rad=0.1), **linear)
+    with pytest.raises(InputError, match="tilt_deg"):
+        study_sections(EYE, leaning)
 
 
 def test_the_phantom_command_bends_a_sealed_eye_that_stiffens_and_tells_form_tissue_and_pressures(
-    tmp_path: Path, capsys
-) -> None:
+    tmp_path, capsys
+):
     study = tmp_path / "study.toml"
     out = tmp_path / "eye"
     tissue = st.TissueStudy(stiffening=8.0)
@@ -145,7 +137,7 @@ def test_the_phantom_command_bends_a_sealed_eye_that_stiffens_and_tells_form_tis
     assert read_recording(out).info.eye.globe == SEALED
 
 
-def test_a_leaking_eye_is_one_that_does_not_leak_of_the_pressure_that_is_left() -> None:
+def test_a_leaking_eye_is_one_that_does_not_leak_of_the_pressure_that_is_left():
     globe = st.GlobeStudy(
         "sealed", 2.0 * STUDY.globe.rigidity_pa13_per_m3, leak_time_s=20.0
     )
@@ -204,7 +196,7 @@ def largest_um(found: WallSection, expected: WallSection) -> float:
 @pytest.mark.slow
 # the wall grows thicker fastest at -1.27, along the meridian
 @pytest.mark.parametrize("side", [2.2, -1.1])
-def test_a_section_between_the_paths_is_that_of_a_path_at_its_own_contact(side) -> None:
+def test_a_section_between_the_paths_is_that_of_a_path_at_its_own_contact(side):
     turn = EyeTurn(
         about_x_rad=FARTHEST * np.cos(side), about_y_rad=FARTHEST * np.sin(side)
     )
@@ -235,8 +227,12 @@ LINEAR = replace(
 
 def test_the_truth_of_a_phantom_has_each_frames_turn_and_contact_and_the_recording_the_first(
     tmp_path,
-) -> None:
+):
     plan = plan_phantom(TURNED_EYE, TURNED_FORCES_N, LINEAR, 3)
+    of_one_contact = "eye eye-x: it turns, and its sections have one contact"
+    with pytest.raises(RecordingError, match=of_one_contact):
+        write_phantom(tmp_path / "rec", plan, lambda _: [], LINEAR)
+
     write_phantom(tmp_path / "rec", plan, study_sections(TURNED_EYE, LINEAR), LINEAR)
     truth = json.loads((tmp_path / "rec" / "truth.json").read_text())
 
@@ -253,14 +249,6 @@ def test_the_truth_of_a_phantom_has_each_frames_turn_and_contact_and_the_recordi
     info = read_recording(tmp_path / "rec").info
     assert info.needle.polar_rad == wall_of(TURNED_EYE).polar_rad
     assert info.scan.direction_rad == scan_plane(TURNED_EYE).direction_rad
-
-
-def test_sections_of_one_contact_are_refused_for_an_eye_that_turns(tmp_path) -> None:
-    plan = plan_phantom(TURNED_EYE, TURNED_FORCES_N, LINEAR, 3)
-    with pytest.raises(
-        RecordingError, match="eye eye-x: it turns, and its sections have one contact"
-    ):
-        write_phantom(tmp_path / "rec", plan, lambda _: [], LINEAR)
 
 
 PLANE = ScanPlane(
@@ -281,7 +269,7 @@ def rotated(vector, turn):
 
 
 @pytest.mark.parametrize(("x", "y"), [(0.05, -0.02), (-0.4, 0.3), (0.0, 0.01)])
-def test_the_plane_stays_in_space_while_the_globe_turns(x: float, y: float) -> None:
+def test_the_plane_stays_in_space_while_the_globe_turns(x: float, y: float):
     turn = EyeTurn(about_x_rad=x, about_y_rad=y)
     seen = ve.turned_plane(PLANE, turn)
 
@@ -305,13 +293,13 @@ def turns_of(phantom: st.PhantomStudy, seed: int) -> tuple[np.ndarray, np.ndarra
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_drift_grows_evenly_to_one_side(seed: int) -> None:
+def test_a_drift_grows_evenly_to_one_side(seed: int):
     times_s, turns = turns_of(st.PhantomStudy(eye_drift_rad=st.fixed(0.04)), seed)
     assert np.linalg.norm(turns[-1]) == pytest.approx(0.04)
     assert turns == pytest.approx(np.outer(times_s / times_s[-1], turns[-1]))
 
 
-def test_saccades_leave_the_drift_every_second_to_every_side() -> None:
+def test_saccades_leave_the_drift_every_second_to_every_side():
     saccades = st.PhantomStudy(eye_saccade_rad=st.Range(min=0.005, max=0.015))
     times_s, turns = turns_of(saccades, 1)
     sizes = np.linalg.norm(turns, axis=1)

@@ -33,8 +33,8 @@ def library() -> Library:
 
 
 def test_a_wall_that_is_lifted_is_lifted_along_the_eye_s_axis(
-    library: Library,
-) -> None:
+    library,
+):
     """By 0.1 mm; it also grows evenly, which moves nothing to a side."""
     places = np.random.default_rng(3).uniform(-0.4, 0.4, (1, 2, 50, 3))
     places[..., 2] = np.sqrt(1.0 - places[..., 0] ** 2 - places[..., 1] ** 2)
@@ -49,7 +49,7 @@ def test_a_wall_that_is_lifted_is_lifted_along_the_eye_s_axis(
 
 
 @pytest.mark.parametrize("direction", [0.0, 0.7, -2.0])
-def test_the_pole_lies_behind_the_contact_along_the_meridian(direction: float) -> None:
+def test_the_pole_lies_behind_the_contact_along_the_meridian(direction: float):
     contact = Contact(polar_rad=0.6, azimuth_rad=1.1)
     plane = ScanPlane(contact, gap_m=0.0, direction_rad=direction)
     np.testing.assert_allclose(
@@ -67,7 +67,7 @@ def pushed_m(force_ratio: float, poisson_ratio: float) -> float:
 @pytest.mark.parametrize("polar_deg", [20.0, 40.0])
 def test_the_needle_s_force_moves_the_dent_as_in_three_dimensions(
     polar_deg: float,
-) -> None:
+):
     contact = Contact(polar_rad=float(np.radians(polar_deg)))
     study = Study(mesh=MeshStudy(kind="graded", core=4, rings=10))
     wall = LinearWall(study_mesh(study, THICKNESS_M, contact), 0.45)
@@ -110,7 +110,7 @@ def calibrating(
     return library, sections.curves([wall])[0, :, :, 1]
 
 
-def test_calibration_and_fit_see_the_same_section() -> None:
+def test_calibration_and_fit_see_the_same_section():
     lateral = np.arange(-6e-3, 6.01e-3, 0.1e-3)
     library, theirs = calibrating(0.8, lateral)
     along, across = pole_directions(0.6, 0.8)
@@ -121,8 +121,8 @@ def test_calibration_and_fit_see_the_same_section() -> None:
 
 
 def test_the_fit_s_dent_is_pushed_along_the_section_and_across_it(
-    library: Library,
-) -> None:
+    library,
+):
     pole = np.array([-0.3, 0.4])
     (force_ratio,) = library.forces(
         np.array([THICKNESS_M]), np.array([1e-3]), np.array([2e-3])
@@ -144,7 +144,7 @@ def test_the_fit_s_dent_is_pushed_along_the_section_and_across_it(
 @pytest.mark.parametrize(("direction", "even"), [(0.0, False), (None, True)])
 def test_where_no_direction_is_stated_a_calibration_sees_an_even_section(
     direction: float | None, even: bool
-) -> None:
+):
     _, depth = calibrating(direction, np.linspace(-6e-3, 6e-3, 121))
     uneven_m = np.abs(depth - depth[:, ::-1]).max()
     assert uneven_m < 1e-12 if even else uneven_m > 5e-6

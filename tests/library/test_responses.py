@@ -224,10 +224,3 @@ def test_an_eye_answers_with_the_force_of_a_dent_and_the_dent_of_a_force(
 def test_an_eye_outside_the_library_is_refused(library, fault, said):
     with pytest.raises(InputError, match=said):
         library.eye(**WALL | fault)
-
-
-def test_an_eye_is_stiffer_beside_the_pole(library):
-    at_pole, beside = (
-        library.eye(**WALL, polar_angle_rad=polar).force_n(1e-3) for polar in (0.0, 0.8)
-    )
-    assert beside > at_pole

@@ -46,13 +46,13 @@ def library() -> Library:
     ],
 )
 def test_a_sealed_eye_is_that_of_a_path_with_its_own_volumes(
-    library: Library,
+    library,
     thickness_m: float,
     modulus_pa: float,
     iop_pa: float,
     rigidity: float,
     law: str,
-) -> None:
+):
     dents_m = 1e-3 * np.array([0.3, 0.8, 1.4])
     path = axisymmetric_path(
         EvenWall(RADIUS, thickness_m, NU, NEEDLE, size=MeridianSize(96)),
@@ -76,7 +76,7 @@ def test_a_sealed_eye_is_that_of_a_path_with_its_own_volumes(
     )
 
 
-def test_a_pressure_that_runs_away_ends_the_range(library: Library) -> None:
+def test_a_pressure_that_runs_away_ends_the_range(library):
     wall = {"thickness_m": 0.5e-3, "youngs_modulus_pa": 0.38e6, "iop_pa": 266.0}
     eye = library.eye(**wall, rigidity_pa13_per_m3=0.03 * PER_UL)
     assert 2.1e-3 < eye.max_dent_m < 2.4e-3  # the path ends at 2.2 mm

@@ -79,7 +79,7 @@ def drawn(seed: int, tension: float) -> np.ndarray:
 )
 def test_sections_agree_with_the_fit_s_prediction(
     tension: float, median_m: float, nearly_all_m: float
-) -> None:
+):
     library = bulging(analytic_library())
     unknown = drawn(3, tension)
     size = np.exp(unknown[:, SIZE])

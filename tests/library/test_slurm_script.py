@@ -51,7 +51,7 @@ def run(folder: Path, tasks: int) -> "subprocess.CompletedProcess[str]":
     )
 
 
-def test_fewer_than_three_tasks_are_refused(tmp_path: Path) -> None:
+def test_fewer_than_three_tasks_are_refused(tmp_path):
     done = run(tmp_path, 2)
     assert (done.returncode, done.stderr) == (
         2,
@@ -63,7 +63,7 @@ def test_fewer_than_three_tasks_are_refused(tmp_path: Path) -> None:
 @pytest.mark.skipif(
     find_spec("distributed") is None, reason="the extra [cluster] is not installed"
 )
-def test_the_job_makes_a_library_and_leaves_nothing_else(tmp_path: Path) -> None:
+def test_the_job_makes_a_library_and_leaves_nothing_else(tmp_path):
     done = run(tmp_path, 4)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("responses: ")

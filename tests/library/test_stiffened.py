@@ -55,8 +55,8 @@ def path_of(thickness: int, tension: int, stiffening: float) -> AxisymmetricPath
 
 @pytest.mark.parametrize("stiffening", [0.4, 1.2, 5.0, 15.0])
 def test_walls_between_the_stiffenings_agree_with_walls_of_that_tissue(
-    library: Library, stiffening: float
-) -> None:
+    library, stiffening: float
+):
     """Dents deeper than 1.3 mm change their form fast from b = 0 on: there the curves
     are right to 40 um.
     """
@@ -99,13 +99,13 @@ def test_tissue_that_does_not_stiffen_is_the_same_in_a_library_without_other_tis
 
 
 @pytest.mark.parametrize("stiffening", [-1e-6, 30.001, np.inf, np.nan])
-def test_other_tissue_is_refused_with_the_range(stiffening: float) -> None:
+def test_other_tissue_is_refused_with_the_range(stiffening: float):
     with pytest.raises(InputError, match=r"outside the library's range, 0 to 30$"):
         made_up_library().for_stiffening(stiffening)
 
 
 @pytest.mark.parametrize("stiffening", [3.0, np.nan])
-def test_a_library_of_one_tissue_refuses_all_others(stiffening: float) -> None:
+def test_a_library_of_one_tissue_refuses_all_others(stiffening: float):
     alone = analytic_library(thicknesses=4, ratios=4, tips=5, nodes=9)
     assert alone.for_stiffening(0.0) is alone
     with pytest.raises(InputError, match="the library only holds tissue of 0"):

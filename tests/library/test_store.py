@@ -310,26 +310,6 @@ def test_a_library_is_built_on_first_need_only(monkeypatch, tmp_path):
 
 
 @pytest.mark.slow
-def test_an_interrupted_build_is_continued(tmp_path):
-    done = []
-    with pytest.raises(KeyboardInterrupt):
-        cached_library(
-            STUDY,
-            folder=tmp_path,
-            workers=1,
-            progress=interrupting(3, []),
-            solve=solve_analytic,
-        )
-
-    assert places(tmp_path) == [".begun", ".lock"]
-    cached_library(
-        STUDY, folder=tmp_path, workers=1, progress=done.append, solve=solve_analytic
-    )
-    assert done[0] == 3
-    assert places(tmp_path) == [".lock", ".zarr"]
-
-
-@pytest.mark.slow
 def test_a_damaged_library_and_a_useless_beginning_are_made_again(tmp_path):
     cached_library(STUDY, folder=tmp_path, workers=1, solve=solve_analytic)
     (place,) = tmp_path.glob("*.zarr")

@@ -71,7 +71,7 @@ def path_to(
     )
 
 
-def test_tangent_is_the_derivative_of_the_residual_to_second_order() -> None:
+def test_tangent_is_the_derivative_of_the_residual_to_second_order():
     mesh = meridian_mesh(RADIUS, 0.5e-3, NEEDLE, RIGHT_ANGLE, MeridianSize(16, 2))
     wall = AxisymmetricWall(mesh, NU)
     end = PathEnd(tips_m=np.array([1.5e-3]))
@@ -121,7 +121,7 @@ def stretched_sheet(stretch: float, b: float) -> float:
 )
 def test_a_thin_wall_at_the_pole_meets_the_balance_of_a_membrane(
     b: float, tension: float
-) -> None:
+):
     """p r = 2 P/L with the radius of curvature r and the stretch L, also where a
     neo-Hookean sphere would burst, and where Newton's first step overflows exp(b Q).
     """
@@ -148,7 +148,7 @@ def test_a_thin_wall_at_the_pole_meets_the_balance_of_a_membrane(
 
 
 @pytest.mark.parametrize("b", [0.0, 0.03, 5.0])
-def test_a_thin_sphere_bursts_at_the_first_maximum_of_its_tension(b: float) -> None:
+def test_a_thin_sphere_bursts_at_the_first_maximum_of_its_tension(b: float):
     stretches = np.linspace(1.0, 2.0, 2001)
     tensions = [2.0 * stretched_sheet(each, b) / each**2 for each in stretches]
     falling = np.flatnonzero(np.diff(tensions) < 0.0)
@@ -156,7 +156,7 @@ def test_a_thin_sphere_bursts_at_the_first_maximum_of_its_tension(b: float) -> N
     assert burst_tension(NU, b) == pytest.approx(bursts, rel=1e-4)
 
 
-def test_a_soft_eye_that_bursts_at_living_pressure_holds_where_it_stiffens() -> None:
+def test_a_soft_eye_that_bursts_at_living_pressure_holds_where_it_stiffens():
     iop_ratio = 2400.0 / 0.1e6  # 18 mmHg
     tension = iop_ratio * EYE.radius_m / EYE.thickness_m
     assert burst_tension(NU) < tension < burst_tension(NU, 5.0)
@@ -170,7 +170,7 @@ def test_a_soft_eye_that_bursts_at_living_pressure_holds_where_it_stiffens() -> 
     assert (np.diff(forces) > 0.0).all()
 
 
-def test_small_forces_meet_the_linear_wall_of_three_dimensions() -> None:
+def test_small_forces_meet_the_linear_wall_of_three_dimensions():
     contact = Contact(polar_rad=0.0)
     mesh = study_mesh(GRADED, EYE.thickness_m, contact)
     needle_nc = LinearWall(mesh, NU).needle_cnc([contact], NEEDLE)[0]
@@ -181,7 +181,7 @@ def test_small_forces_meet_the_linear_wall_of_three_dimensions() -> None:
     )
 
 
-def test_a_wall_without_pressure_softens_and_is_followed_to_deep_dents() -> None:
+def test_a_wall_without_pressure_softens_and_is_followed_to_deep_dents():
     tips_m = np.linspace(0.25e-3, 7.5e-3, 30)
     path = path_to(tips_m, replace(EYE, thickness_m=0.35e-3), 0.0)
     np.testing.assert_allclose(path.tip_m[1:], tips_m)
@@ -222,7 +222,7 @@ def r2_tips_mm(thickness_mm: float, modulus_mpa: float, count: int) -> Floats:
 )
 def test_tip_meets_reference_problem_r2_at_35_degrees(
     thickness_mm: float, modulus_mpa: float, expected_mm: tuple[float, ...]
-) -> None:
+):
     np.testing.assert_allclose(
         r2_tips_mm(thickness_mm, modulus_mpa, len(expected_mm)), expected_mm, rtol=0.03
     )
@@ -231,7 +231,7 @@ def test_tip_meets_reference_problem_r2_at_35_degrees(
 @pytest.mark.parametrize("law", RIGIDITY_LAWS)
 def test_a_sealed_globe_is_the_open_state_whose_pressure_solves_the_law(
     law: str,
-) -> None:
+):
     globe = sealed_law(RIGIDITY, law).over(0.38e6)
     tips_m = np.linspace(0.4e-3, 2e-3, 5)
     sealed = path_to(tips_m, globe=globe)
@@ -250,7 +250,7 @@ def test_a_sealed_globe_is_the_open_state_whose_pressure_solves_the_law(
     )
 
 
-def test_a_sealed_path_ends_where_the_pressure_runs_away() -> None:
+def test_a_sealed_path_ends_where_the_pressure_runs_away():
     with pytest.raises(
         SolverError, match=r"beyond a dent of 2\.2\d+ mm, .*; the pressure runs away"
     ):
@@ -284,7 +284,7 @@ def test_curves_start_on_the_axis_end_at_the_support_and_enclose_the_displaced_v
     ],
     ids=str,
 )
-def test_sizes_that_make_no_eye_are_refused(fault: dict[str, float]) -> None:
+def test_sizes_that_make_no_eye_are_refused(fault: dict[str, float]):
     with pytest.raises(InputError, match="must be"):
         path_to([1e-3], replace(EYE, **fault))
 
@@ -321,8 +321,8 @@ def deformation(solid: ElementTables, u: NDArray) -> NDArray:
 
 
 def test_forces_and_tangent_are_the_derivatives_of_the_energy(
-    mesh: MeridianMesh,
-) -> None:
+    mesh,
+):
     """At strains of some 15 % with rotation and noise, none of them across the axis."""
     r, z = mesh.points_nc.T
     noise = np.random.default_rng(1).normal(size=mesh.points_nc.shape) * 5e-6
@@ -366,8 +366,8 @@ def mirrored(mesh: MeridianMesh) -> Floats:
 
 @pytest.mark.parametrize("displaced", [turned_over, mirrored])
 def test_elements_that_are_turned_inside_out_and_no_others_are_not_finite(
-    mesh: MeridianMesh, displaced: Callable[[MeridianMesh], Floats]
-) -> None:
+    mesh, displaced: Callable[[MeridianMesh], Floats]
+):
     solid = meridian_elements.solid_of_revolution(mesh, NU)
     u = displaced(mesh)
     F = deformation(solid, u)
@@ -388,8 +388,8 @@ def test_elements_that_are_turned_inside_out_and_no_others_are_not_finite(
 # of the largest exponent
 @pytest.mark.parametrize(("share", "finite"), [(0.99, True), (1.01, False)])
 def test_tissue_that_is_stretched_too_far_is_not_finite(
-    mesh: MeridianMesh, share: float, finite: bool
-) -> None:
+    mesh, share: float, finite: bool
+):
     # by a half in every direction
     stretched = 0.5 * mesh.points_nc.ravel()
     log_ratio = np.array(3.0 * np.log(1.5))
@@ -402,7 +402,7 @@ def test_tissue_that_is_stretched_too_far_is_not_finite(
 
 
 @pytest.mark.parametrize("polar_deg", [10.0, 50.0])
-def test_base_lies_where_the_direction_meets_its_plane(polar_deg: float) -> None:
+def test_base_lies_where_the_direction_meets_its_plane(polar_deg: float):
     contact = Contact(polar_rad=np.radians(polar_deg))
     azimuths = np.linspace(0.0, 2.0 * np.pi, 9)
     angles = base_angle(contact.polar_rad, azimuths)
@@ -418,7 +418,7 @@ def test_base_lies_where_the_direction_meets_its_plane(polar_deg: float) -> None
 THICK = replace(EYE, thickness_m=0.8e-3)
 
 
-def test_on_the_pole_the_base_shifts_nothing() -> None:
+def test_on_the_pole_the_base_shifts_nothing():
     shift = base_shift(THICK, 0.0)
     dent = 8.3e3  # m per F/E, the linear wall's tip
     # the 3-D mesh under the needle
@@ -426,7 +426,7 @@ def test_on_the_pole_the_base_shifts_nothing() -> None:
 
 
 @pytest.mark.slow
-def test_shift_takes_the_linear_curves_to_three_dimensions() -> None:
+def test_shift_takes_the_linear_curves_to_three_dimensions():
     gap_m = 0.5e-3
     contact = Contact(polar_rad=np.radians(45.0))
     force_ratio = 2e-9
@@ -460,6 +460,6 @@ def test_shift_takes_the_linear_curves_to_three_dimensions() -> None:
 
 
 @pytest.mark.parametrize("polar_deg", [-1.0, 60.0])
-def test_polar_angles_out_of_range_are_refused(polar_deg: float) -> None:
+def test_polar_angles_out_of_range_are_refused(polar_deg: float):
     with pytest.raises(InputError, match="polar angle"):
         base_shift(replace(EYE, size=MeridianSize(16)), np.radians(polar_deg))

@@ -73,14 +73,14 @@ def followed(spring: float, end: PathEnd) -> tuple[PathStates, int]:
 @pytest.mark.parametrize("largest_m", [0.3, 0.05, 0.003])
 def test_path_follows_the_exact_snap_through_past_both_limits_with_any_steps(
     largest_m: float,
-) -> None:
+):
     tips_m = np.linspace(0.02, 0.5, 25)
     path, _ = followed(1.0, PathEnd(tips_m=tips_m, largest_step_m=largest_m))
     np.testing.assert_array_equal(path.tip_m, [0.0, *tips_m])
     assert path.force.min() < 0.0  # it did snap
 
 
-def test_path_that_keeps_its_own_steps_ends_at_the_first_state_over_the_force() -> None:
+def test_path_that_keeps_its_own_steps_ends_at_the_first_state_over_the_force():
     limit = 0.5 * truss_force(HEIGHT * (1.0 - 1.0 / np.sqrt(3.0)))
     path, _ = followed(1.0, PathEnd(max_force=limit, largest_step_m=0.004))
     assert np.all(path.force[:-1] < limit)
@@ -117,7 +117,7 @@ class Limited:
         return lambda rhs: rhs * 200.0 * np.cosh(u[0]) ** 2
 
 
-def test_pressure_close_to_the_limit_is_reached_in_steps_and_none_above() -> None:
+def test_pressure_close_to_the_limit_is_reached_in_steps_and_none_above():
     assert np.tanh(pressurise(Limited(), 0.995 / 200.0)[0]) == pytest.approx(
         0.995, rel=1e-9
     )
@@ -128,6 +128,6 @@ def test_pressure_close_to_the_limit_is_reached_in_steps_and_none_above() -> Non
 @pytest.mark.parametrize("tips_m", [[], [0.0, 0.1], [0.2, 0.1], None], ids=str)
 def test_a_path_without_an_end_or_with_tips_that_do_not_ascend_is_refused(
     tips_m: list[float] | None,
-) -> None:
+):
     with pytest.raises(InputError, match="load path: "):
         PathEnd(tips_m=None if tips_m is None else np.array(tips_m))

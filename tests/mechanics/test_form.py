@@ -75,7 +75,7 @@ def outer_and_inner(mesh: HexMesh, nodes_nc: np.ndarray) -> tuple[np.ndarray, ..
 )
 def test_the_outer_nodes_lie_on_the_ellipsoid_and_the_wall_is_as_thick_as_asked_for(
     waves: tuple[WaveStudy, ...], whole: bool
-) -> None:
+):
     form = FormStudy(semi_axes=AXES, wave=waves)
     mesh = bent_mesh(form, whole)
     own_nc = back_on_the_axes(mesh, mesh.sphere_nc * AXES)
@@ -101,7 +101,7 @@ FORMS = {
 
 
 @pytest.mark.parametrize("name", FORMS)
-def test_the_contact_and_its_normal_are_where_the_sphere_has_them(name: str) -> None:
+def test_the_contact_and_its_normal_are_where_the_sphere_has_them(name: str):
     mesh = bent_mesh(FORMS[name])
     polar = CONTACT.polar_rad
     azimuth = CONTACT.azimuth_rad
@@ -116,7 +116,7 @@ def test_the_contact_and_its_normal_are_where_the_sphere_has_them(name: str) -> 
     )
 
 
-def test_thickness_waves_are_legendre_polynomials_of_the_angle_to_their_axis() -> None:
+def test_thickness_waves_are_legendre_polynomials_of_the_angle_to_their_axis():
     x = np.linspace(-1, 1, 7)
     d = np.stack([np.sqrt(1 - x**2), 0 * x, x], axis=-1)
     by_degree = {1: x, 2: (3 * x**2 - 1) / 2, 3: (5 * x**3 - 3 * x) / 2}
@@ -173,7 +173,7 @@ PLACES = {
 @pytest.mark.parametrize(("place", "whole"), [("on the axis", False), ("aside", True)])
 def test_a_cornea_is_a_sphere_through_the_limbus_and_the_globe_outside_is_the_globe(
     place: str, whole: bool
-) -> None:
+):
     cornea = PLACES[place]
     axis = Contact(polar_rad=cornea.polar_rad, azimuth_rad=cornea.azimuth_rad).normal
     mesh = bent_mesh(FormStudy(cornea=cornea), whole)
@@ -192,7 +192,7 @@ def test_a_cornea_is_a_sphere_through_the_limbus_and_the_globe_outside_is_the_gl
     np.testing.assert_allclose(np.linalg.norm(outer - inner, axis=1), T, rtol=1e-12)
 
 
-def test_semi_axes_stretch_the_cornea_too() -> None:
+def test_semi_axes_stretch_the_cornea_too():
     axes = FORMS["cornea"].semi_axes
     plain = bent_mesh(FormStudy(cornea=CorneaStudy())).points_nc * axes
     mesh = bent_mesh(FORMS["cornea"])
@@ -214,7 +214,7 @@ def test_semi_axes_stretch_the_cornea_too() -> None:
 )
 def test_the_surface_has_no_kink_and_its_normals_are_its_own(
     cornea: CorneaStudy,
-) -> None:
+):
     angles = np.linspace(0.0, 0.9, 40_001)
     points, normals = corneal_surface(meridian(angles), cornea, R)
     along = np.gradient(points, angles, axis=0)[1:-1]
@@ -243,7 +243,7 @@ def test_the_surface_has_no_kink_and_its_normals_are_its_own(
         ("[form.cornea]\nradius_mm = 5.0\n", r"limbus_radius_mm: 5\.75; .* below"),
     ],
 )
-def test_a_form_out_of_range_is_refused(text: str, message: str) -> None:
+def test_a_form_out_of_range_is_refused(text: str, message: str):
     with pytest.raises(StudyError, match=message):
         parse_study(text)
 
@@ -267,6 +267,6 @@ def test_a_form_out_of_range_is_refused(text: str, message: str) -> None:
 )
 def test_a_cornea_that_does_not_fit_the_globe_is_refused(
     cornea: CorneaStudy, message: str
-) -> None:
+):
     with pytest.raises(InputError, match=rf"^form\.cornea: .*{message}"):
         bent_mesh(FormStudy(cornea=cornea))

@@ -2,8 +2,6 @@
 matrix.
 """
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import skfem
@@ -59,7 +57,7 @@ def r1_displacement(wall: LinearWall) -> np.ndarray:
 )
 def test_reference_problem_r1_is_that_of_other_programs_on_their_meshes(
     mesh: dict, expected_m: float
-) -> None:
+):
     """SOFA, CalculiX and scikit-fem, four digits; they were read at the corner nearest
     to the load (36 deg).
     """
@@ -106,7 +104,7 @@ def observed_order(divisions: list[int], **kind: object) -> float:
 )
 def test_strain_energy_converges_with_the_order_of_the_elements(
     divisions: list, kind: dict, order: float
-) -> None:
+):
     assert observed_order(divisions, **kind) == pytest.approx(order, abs=0.25)
 
 
@@ -129,14 +127,14 @@ def lame_error(divisions: int, **kind: object) -> float:
     return float(np.abs(wall.pressure_nc - u_r * mesh.points_nc / r).max() / u_r.max())
 
 
-def test_thick_sphere_under_pressure_swells_as_lame_says() -> None:
+def test_thick_sphere_under_pressure_swells_as_lame_says():
     coarse = lame_error(4)
     fine = lame_error(8)
     assert fine < 2e-3
     assert np.log2(coarse / fine) > 3.0
 
 
-def test_a_wall_that_may_move_as_a_rigid_body_is_refused() -> None:
+def test_a_wall_that_may_move_as_a_rigid_body_is_refused():
     mesh = build_mesh(R, 1e-3, divisions=4, level=0)
     held = symmetric_base(mesh)
     held[:, :2] = False  # free to slide in the plane of the base
@@ -183,8 +181,8 @@ def gravity_cards(mesh: HexMesh) -> str:  # noqa: ARG001 - one of three makers o
 )
 @pytest.mark.parametrize("load", ["iop", "gravity", "needle"])
 def test_displacements_agree_with_calculix(
-    tmp_path: Path, element: str, kind: dict, load: str
-) -> None:
+    tmp_path, element: str, kind: dict, load: str
+):
     mesh = wall_mesh(R, T, level=0, layers=2, **kind)
     wall = LinearWall(mesh, NU)
     cards = {"iop": iop_cards, "gravity": gravity_cards, "needle": needle_cards}[load](
@@ -211,7 +209,7 @@ LOAD_KEYS = {"iop": "iop_pa", "gravity": "density_kg_m3", "needle": "force_n"}
 
 
 @pytest.mark.parametrize("load", ["iop", "gravity"])
-def test_displacements_agree_with_scikit_fem(load: str) -> None:
+def test_displacements_agree_with_scikit_fem(load: str):
     """Trilinear elements; its own forms of the pressure and of the weight."""
     mesh = build_mesh(R, T, divisions=6, level=0, layers=2, order=1)
     wall = LinearWall(mesh, NU)
@@ -267,7 +265,7 @@ def elements_and_held(kind: str) -> tuple[HexMesh, np.ndarray, np.ndarray]:
 )
 def test_answers_agree_with_the_full_matrix(
     kind: str, shift: float, precision: str, rtol: float
-) -> None:
+):
     mesh, elements, held_nc = elements_and_held(kind)
     size = elements.shape[1] * elements.shape[2]
     shifted = np.eye(size).reshape(elements.shape[1:])
@@ -289,7 +287,7 @@ def test_answers_agree_with_the_full_matrix(
 @pytest.mark.parametrize(
     ("fault", "message"), [(0.0, "singular"), (np.nan, "not finite")]
 )
-def test_a_matrix_without_a_factor_is_refused(fault: float, message: str) -> None:
+def test_a_matrix_without_a_factor_is_refused(fault: float, message: str):
     mesh, elements, held_nc = elements_and_held("8 nodes")
     with pytest.raises(SolverError, match=message):
         factor_sum(mesh, held_nc, fault * elements)

@@ -86,7 +86,7 @@ def fibre_energy(F: NDArray, mesh: HexMesh, law: FibreLaw) -> NDArray:
 )
 def test_forces_and_tangents_are_the_derivatives_of_the_energy_at_any_deformation(
     order: int, stiffening: float, fibres: FibreLaw | None, rtol: float
-) -> None:
+):
     mesh = build_mesh(R, T, 4, 0) if fibres else distorted(order)
     points = volume_points(mesh)
     random = np.random.default_rng(2)
@@ -119,7 +119,7 @@ def test_forces_and_tangents_are_the_derivatives_of_the_energy_at_any_deformatio
     np.testing.assert_allclose(slope_nc, change_nc, atol=1e-6 * abs(change_nc).max())
 
 
-def test_a_wall_turned_inside_out_has_no_forces_and_no_tangent() -> None:
+def test_a_wall_turned_inside_out_has_no_forces_and_no_tangent():
     mesh = distorted(2)
     solid = NeoHookeanSolid(mesh, NU)
     assert np.all(np.isnan(solid.forces(-1.5 * mesh.points_nc)))
@@ -137,7 +137,7 @@ def globe(supports: SupportsStudy) -> HexMesh:
 
 
 @pytest.mark.parametrize("kind", ["clamped", "straps"])
-def test_a_globe_that_may_move_as_a_rigid_body_is_refused(kind: str) -> None:
+def test_a_globe_that_may_move_as_a_rigid_body_is_refused(kind: str):
     """On nothing, or on straps alone, it may turn about its axis."""
     supports = SupportsStudy(kind=kind)
     mesh = globe(supports)
@@ -148,7 +148,7 @@ def test_a_globe_that_may_move_as_a_rigid_body_is_refused(kind: str) -> None:
 @pytest.mark.parametrize("size", [1e-60, 1.0, 1e60])
 def test_the_tangent_in_single_precision_is_the_derivative_of_the_balance(
     size: float,
-) -> None:
+):
     """Of wall, following pressure, bed and straps, for loads of any size."""
     supports = SupportsStudy(kind="bed-and-straps", bed_stiffness_pa_per_m=1e9)
     mesh = globe(supports)
@@ -180,7 +180,7 @@ def test_the_tangent_in_single_precision_is_the_derivative_of_the_balance(
 )
 def test_fibres_give_the_moduli_that_a_study_states(
     softer: float, around: float, through: float | None
-) -> None:
+):
     """Compliance of small strains: 1 around the axis, 2 along the meridian, 3
     through.
     """

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from small_models import write_classifier
+from small_recordings import write_places
 
 from scleraforce.records.study import SliceStudy, Study
 
@@ -25,6 +26,11 @@ def write_model() -> Callable[[Path, Study], TinyModel]:
     """Return the function that writes a classifier with random weights."""
     pytest.importorskip("onnx")
     return lambda path, study: TinyModel(path, *write_classifier(path, study))
+
+
+@pytest.fixture(scope="session")
+def places(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    return write_places(tmp_path_factory.mktemp("places"))
 
 
 @pytest.fixture

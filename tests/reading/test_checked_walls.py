@@ -29,7 +29,6 @@ from small_models import (
     fixed_finder,
     write_blind_finder,
 )
-from small_recordings import write_places
 
 import scleraforce as sf
 from scleraforce.lab.drawn_bscan import render_bscan
@@ -40,11 +39,6 @@ from scleraforce.records.fields import fixed
 
 HALF = FINDER_STUDY.columns // 2
 SAID = "the network sees no wall"
-
-
-@pytest.fixture(scope="module")
-def places(tmp_path_factory) -> dict[str, Path]:
-    return write_places(tmp_path_factory.mktemp("reader"))
 
 
 @pytest.fixture(scope="module")

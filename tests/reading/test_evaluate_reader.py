@@ -16,7 +16,7 @@ import pytest
 from analytic_frames import GAP_M, MODULUS_PA
 from commands import said
 from relaxing_eyes import read_as
-from small_recordings import FORCES_N, write_places
+from small_recordings import FORCES_N
 
 from scleraforce.base.errors import CalibrationError, RecordingError
 from scleraforce.calibration.evaluation import (
@@ -37,11 +37,6 @@ from scleraforce.records.scan import PixelScale
 from scleraforce.records.setup import Setup
 
 pytest.importorskip("torch")
-
-
-@pytest.fixture(scope="module")
-def places(tmp_path_factory) -> dict[str, Path]:
-    return write_places(tmp_path_factory.mktemp("reader"))
 
 
 @pytest.fixture(scope="module")
@@ -297,7 +292,7 @@ def test_the_truth_of_a_virtual_eye_decides_nothing_that_is_read_and_is_compared
 
 
 def test_a_stranger_read_with_the_populations_modulus_is_named_in_notes_and_warnings(
-    places, both, capsys
+    places, both
 ):
     (note,) = [note for note in both.notes if "population's modulus" in note]
     named = f"stranger is not in {places['calibration']}, which has 1 eye (mine)"
@@ -305,11 +300,6 @@ def test_a_stranger_read_with_the_populations_modulus_is_named_in_notes_and_warn
     words = "the modulus is the population's, not this eye's own"
     warned = [words in frame.answer.warnings for frame in both.frames]
     assert warned == [False] * 5 + [True] * 5
-
-    options = ("--calibration", places["calibration"])
-    printed = said(capsys, "evaluate", places["model"], places["other"], *options)
-    assert "note: " in printed
-    assert "stranger is not in" in " ".join(printed.split())
 
 
 def test_moduli_of_linear_walls_are_refused(places, model):
@@ -343,11 +333,6 @@ def test_the_command_prints_forces_in_millinewtons(places, both, capsys, monkeyp
     assert (frame["warnings"], frame["can_calibrate"]) == ([], True)
     assert (blank["predicted_force_mn"], blank["can_calibrate"]) == (None, False)
 
-    lines = said(capsys, *command).splitlines()
-    assert max(map(len, lines)) <= 80
-    assert any(line.startswith("force error") for line in lines)
-    assert any("90 % interval and label agree" in line for line in lines)
-
 
 def test_a_recording_without_a_force_log_is_read_but_not_scored(
     places, changed, capsys
@@ -362,9 +347,7 @@ def test_a_recording_without_a_force_log_is_read_but_not_scored(
 
 
 @pytest.mark.slow
-def test_intervals_are_stretched_to_hold_on_recordings(
-    places, model, tmp_path: Path, capsys
-):
+def test_intervals_are_stretched_to_hold_on_recordings(places, model, tmp_path, capsys):
     out = tmp_path / "stretched"
     options = ("--intervals", places["model"], "--frames", 1, "--json", "--out", out)
     result = json.loads(said(capsys, "calibrate", places["mine"], *options))

@@ -147,17 +147,11 @@ def test_a_reading_of_nan_does_not_enter_the_history():
     assert history.read(answer, BOUNDS_N, 1.0) == (answer, history)
 
 
-def calibrated() -> Relaxation:
-    rng = np.random.default_rng(0)
-    pushes, path = pushed(TISSUE, rng)
-    return found_in(path, np.array([push.frame_s for push in pushes]), rng)[1]
-
-
 @pytest.mark.parametrize("alone", [False, True])
 def test_frames_held_as_in_the_calibration_need_no_history(alone: bool):
     pushes, path = pushed(TISSUE, np.random.default_rng(5), FORCES_N[::-1])
     frame_s = np.array([push.frame_s for push in pushes])
-    history = memory(calibrated())
+    history = memory(found_in(TISSUE, 0).relaxation)
     answers = []
     for time_s, elastic_n in zip(frame_s, path.elastic_n(frame_s), strict=True):
         answer, after = history.read(
@@ -173,7 +167,7 @@ def test_frames_held_as_in_the_calibration_need_no_history(alone: bool):
 
 
 def test_a_known_hold_gives_the_force_of_a_frame_that_is_not_held_as_in_the_calibration():
-    known = calibrated()
+    known = found_in(TISSUE, 0).relaxation
     nothing = (0.0,) * len(known.shares)
     rested = memory(
         replace(known, before_n=nothing, before_covariance_n2=(nothing,) * len(nothing))

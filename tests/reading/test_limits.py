@@ -63,8 +63,6 @@ def known(modulus_pa: float | None = None, **values: float) -> Setup:
 @pytest.mark.parametrize(
     ("setup", "library"),
     [
-        (Setup(), HELD),
-        (known(0.3e6, iop_pa=270.0, thickness_m=0.6e-3, gap_m=0.5e-3), HELD),
         (known(0.18e6, iop_pa=120.0, thickness_m=0.45e-3, gap_m=0.35e-3), HELD),
         (known(0.55e6, iop_pa=560.0, thickness_m=0.85e-3, gap_m=1e-3), HELD),
         (known(stiffening=0.0), HELD),
@@ -141,11 +139,8 @@ def rigid(mmhg13_per_ul: float) -> Globe:
     [
         ({"width_m": 6e-3}, "of the wall are visible"),
         ({"depth_m": 2e-3}, "frames 2 mm deep: deep dents leave them"),
-        ({"thickness_m": 1e-3}, "wall thickness 1000 µm"),
-        ({"iop_pa": to_si(15.0, "mmhg")}, "IOP 15 mmHg"),
         ({"globe": rigid(0.5)}, "rigidity of a sealed globe 0.5 mmHg"),
         ({"diameter_m": gauge_diameter_m(30)}, "needle of 30 gauge"),
-        ({"gap_m": 2e-3}, "gap between B-scan and needle axis 2 mm"),
         ({"tilt_rad": np.radians(10.0)}, "tilt of the B-scan 10 °"),
         ({"rows": 64}, "depth of a pixel 62.5 µm"),
     ],

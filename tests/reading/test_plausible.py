@@ -3,14 +3,13 @@
 import json
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from shutil import copytree
 
 import cv2
 import numpy as np
 import pytest
 from analytic_frames import LIBRARY, SHARED, STUDY, THICKNESS_M
-from small_recordings import write_places, write_pushes
+from small_recordings import PUSHES_MN, write_pushes
 
 import scleraforce as sf
 from scleraforce.base.errors import CalibrationError
@@ -24,11 +23,16 @@ from scleraforce.front.api.reading_frames import summary_of_calibration
 from scleraforce.front.cli.main import run
 from scleraforce.reading.load_model import bundled_finder
 from scleraforce.recordings.recording_folder import Recording, read_recording
+from scleraforce.records.tissue_relaxation import Relaxation
 
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory) -> Recording:
-    return read_recording(write_pushes(tmp_path_factory.mktemp("pushed") / "eye-a"))
+    return read_recording(
+        write_pushes(
+            tmp_path_factory.mktemp("pushed") / "eye-a", forces_mn=PUSHES_MN[:8]
+        )
+    )
 
 
 @pytest.fixture
@@ -101,7 +105,9 @@ def test_what_contradicts_the_dents_is_refused_with_its_size(recording, change, 
 
 @pytest.fixture(scope="module")
 def calibration(recording) -> Calibration:
-    return calibrate_recordings([recording], STUDY, "", LIBRARY, ("e",), 4)
+    eye = replace(recording.info.eye, relaxation=Relaxation.declared(()))
+    elastic = replace(recording, info=replace(recording.info, eye=eye))
+    return calibrate_recordings([elastic], STUDY, "", LIBRARY, ("e",), 4)
 
 
 def checked(calibration: Calibration, recording: Recording) -> Calibration:
@@ -133,11 +139,6 @@ def test_frames_that_a_reader_would_refuse_are_refused_with_the_cause(
     words = r"a reader would refuse \d+ of 8 frames .*width_m"
     with pytest.raises(CalibrationError, match=words):
         checked(calibration, wide)
-
-
-@pytest.fixture(scope="module")
-def places(tmp_path_factory) -> dict[str, Path]:
-    return write_places(tmp_path_factory.mktemp("places"))
 
 
 @pytest.mark.parametrize(
@@ -179,11 +180,11 @@ def test_recordings_by_others_agree_and_their_mistakes_do_not(name):
     if not folder.is_dir():
         pytest.skip(f"no {folder}")
     recording = read_recording(folder)
+    recording = replace(recording, frames=recording.frames[::2])
     check_recording(recording, STUDY, None)
     stretched = with_scan(recording, refractive_index=1.38)
     for wrong, words in (
         (later(recording, 10.0), "labels contradict the dents"),
-        (later(recording, -10.0), "labels contradict the dents"),
         (stretched, "is the depth corrected already"),
     ):
         with pytest.raises(CalibrationError, match=words):

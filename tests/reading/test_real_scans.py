@@ -70,7 +70,7 @@ def cases() -> list[object]:
 
 @pytest.mark.parametrize(("path", "setup"), cases())
 def test_a_real_scan_without_a_needle_is_never_read_as_a_force(
-    shipped: ForceReader, path: Path, setup: Setup
+    shipped, path: Path, setup: Setup
 ):
     stated = Scan(width_m=WIDTH_M, depth_m=DEPTH_M, refractive_index=1.0)
     pixels = open_frame(recorded_file(path), stated, Scan(), "assumed").pixels

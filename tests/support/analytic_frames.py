@@ -30,6 +30,7 @@ from scleraforce.records.setup import Setup
 from scleraforce.records.study import OctStudy, Range, ReaderStudy, Study, fixed
 from scleraforce.wall.find_wall import find_wall
 from scleraforce.wall.wall_in_metres import Boundaries
+from virtual_eyes import changed
 
 SHARED = Path(__file__).parents[3] / "shared"
 needs_shared = pytest.mark.skipif(not SHARED.is_dir(), reason="../shared is absent")
@@ -135,9 +136,7 @@ depth_m = {STUDY.oct.depth_m}
 """
 
 
-def write_one_frame(
-    recording: Path, text: str, force_n: float = 0.020, seed: int = 1
-) -> Path:
+def write_one_frame(recording: Path, text: str, force_n: float = 0.020) -> Path:
     """Write a recording of one frame, with this recording.toml; return the frame's
     path.
     """
@@ -145,7 +144,7 @@ def write_one_frame(
     (recording / "recording.toml").write_text(text)
     (recording / "frames.csv").write_text("file,time_s\n1.png,1.0\n")
     cv2.imwrite(
-        str(recording / "frames" / "1.png"), image(wall_section(tip_of(force_n)), seed)
+        str(recording / "frames" / "1.png"), image(wall_section(tip_of(force_n)))
     )
 
     return recording / "frames" / "1.png"
@@ -200,6 +199,12 @@ def known_eye(
         ),
         needle=Needle(gap_m=unknown[unknowns.GAP]),
     )
+
+
+def eye_of_population(mean_pa: float, sd_pa: float) -> Setup:
+    """The middling eye, whose modulus is a population's."""
+    modulus = Modulus(mean_pa=mean_pa, sd_pa=sd_pa, source="population")
+    return changed(known_eye(middling_eye(0.0)), modulus=modulus)
 
 
 BOTH = PlacesOnFrame(np.concatenate([LATERAL_M, LATERAL_M]), np.repeat([0, 1], COLUMNS))
@@ -258,13 +263,12 @@ OPTICS = BscanOptics(
 RADIUS_M = 12e-3
 
 
-def round_wall(
-    top_m: float, lateral_m: float, thickness_m: float = 0.7e-3
-) -> WallSection:
+def round_wall(top_m: float, lateral_m: float) -> WallSection:
+    """A wall of 0.7 mm."""
     angle = np.linspace(-1.2, 1.2, 1201)
     ray = np.stack([np.sin(angle), -np.cos(angle)], axis=1)
     middle = np.array([lateral_m, top_m + RADIUS_M])
-    return WallSection(middle + RADIUS_M * ray, middle + (RADIUS_M - thickness_m) * ray)
+    return WallSection(middle + RADIUS_M * ray, middle + (RADIUS_M - 0.7e-3) * ray)
 
 
 def drawn_counts(
@@ -299,22 +303,19 @@ def moving(
     rng: np.random.Generator,
     noise_m: float = 5e-6,
     study: Study = STUDY,
-) -> list[tuple[Pose, Boundaries]]:
-    """Poses of an eye that shifts by up to 0.2 mm between frames, and boundaries from
-    an ideal segmentation.
+) -> list[Boundaries]:
+    """Boundaries, from an ideal segmentation, of an eye that shifts by up to 0.2 mm
+    between frames.
     """
+    smoothing_m = study.calibration.surface_smoothing_m
     found = []
     for section in sections:
         lateral_m, depth_m = rng.uniform(-0.2e-3, 0.2e-3, 2)
         pose = Pose(
             lateral_m=0.3e-3 + lateral_m, depth_m=0.5e-3 + depth_m, tilt_rad=0.01
         )
-        smoothing_m = study.calibration.surface_smoothing_m
         found.append(
-            (
-                pose,
-                ideal_boundaries(section, pose, study.oct, noise_m, rng, smoothing_m),
-            )
+            ideal_boundaries(section, pose, study.oct, noise_m, rng, smoothing_m)
         )
 
     return found

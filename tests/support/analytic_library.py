@@ -18,7 +18,7 @@ from scleraforce.library.library_plan import plan_library
 from scleraforce.library.library_store import solve_path
 from scleraforce.library.stiffened_walls import StiffenedWalls, WholeCurves
 from scleraforce.recordings.force_errors import LABEL_SD_N, ZERO_PRIOR, FrameForces
-from scleraforce.records.study import LibraryStudy, Range, Study
+from scleraforce.records.study import LibraryStudy, Range, ReaderStudy, Study
 
 RADIUS_M = 12e-3
 AXES_AND_SIZES = (
@@ -85,11 +85,11 @@ def with_walls(library, **changed):
     return replace(library, walls=replace(library.walls, **changed))
 
 
-def analytic_library(thicknesses=9, ratios=11, tips=40, max_tip_m=7.5e-3, nodes=81):
+def analytic_library(thicknesses=9, ratios=11, tips=40, nodes=81):
     """The library of this eye; of few `nodes` where only forces are asked for."""
     t = np.geomspace(0.35e-3, 0.9e-3, thicknesses)
     tension = np.geomspace(1e-3, 0.21, ratios)
-    d = max_tip_m * np.linspace(0.0, 1.0, tips) ** 1.5
+    d = 7.5e-3 * np.linspace(0.0, 1.0, tips) ** 1.5
     grid = list(np.meshgrid(t, tension, d, indexing="ij"))
     grid[1] = grid[1] * grid[0] / RADIUS_M  # IOP/E
     walls = curves(*grid, node_angles(nodes)).astype(np.float32)
@@ -246,6 +246,17 @@ def made_up_library(most: float = 30.0) -> Library:
     )
 
     return replace(soft, walls=walls)
+
+
+# eyes whose form and stated values have no errors
+EXACT_EYES = ReaderStudy(
+    uneven_share=0.0,
+    iop_noise_fraction=0.0,
+    thickness_noise_fraction=0.0,
+    gap_noise_fraction=0.0,
+    thickness_m=Range(min=500e-6, max=700e-6),
+    iop_pa=Range(min=200.0, max=400.0),
+)
 
 
 def without_rests(

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from analytic_frames import MODULUS_PA, SMALL_LIBRARY, THICKNESS_M
+from analytic_frames import SMALL_LIBRARY
 from small_models import write_fixed_reader
-from small_recordings import calibration_text
+from small_recordings import calibration_of_mine
 from waiting import FUSE_S, ends
 
 from scleraforce.front.cli.main import run
@@ -39,19 +39,7 @@ def monitor_folder(folder: Path) -> Path:
         SMALL_LIBRARY,
         [float(number == BIN) for number in range(BINS)],
     )
-    mpa = MODULUS_PA / 1e6
-    eyes = {
-        "mine": {
-            "mean_mpa": mpa,
-            "sd_mpa": 0.01 * mpa,
-            "thickness_um": THICKNESS_M * 1e6,
-        }
-    }
-    text = calibration_text(
-        eyes=eyes, population={"mean_mpa": 1.1 * mpa, "sd_mpa": 0.05}
-    )
-    (folder / "calibration.json").write_text(text)
-
+    (folder / "calibration.json").write_text(calibration_of_mine())
     return folder
 
 

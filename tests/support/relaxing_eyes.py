@@ -2,13 +2,16 @@
 reader of dents gives them.
 """
 
+from functools import cache
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from scleraforce.calibration.relaxation_from_holds import with_elastic_forces
+from scleraforce.calibration.holds_of_a_log import HoldLog
+from scleraforce.calibration.relaxation_from_holds import hold_log, with_elastic_forces
 from scleraforce.lab.needle_pushes import (
+    ForceSensor,
     NeedlePath,
     Push,
     path_of_pushes,
@@ -37,34 +40,55 @@ def pushed(
     return pushes, path_of_pushes(pushes, tissue)
 
 
+class HeldPushes(NamedTuple):
+    """Pushes with a frame in each, their log, how the tissue relaxes by it, and the
+    elastic forces of the frames, N.
+    """
+
+    pushes: tuple[Push, ...]
+    path: NeedlePath
+    frame_s: np.ndarray
+    log: HoldLog
+    relaxation: Relaxation
+    elastic_n: np.ndarray
+
+
+def sensed(path: NeedlePath, sensor: ForceSensor, rng: np.random.Generator) -> ForceLog:
+    """The log of a path until 1.5 s after its end: fz, pushes negative."""
+    table = sense(path, sensor, 2, -1, path.times_s[-1] + 1.5, rng)
+    return ForceLog(table[:, 0], table[:, 1:], FORCE_COLUMNS[1:])
+
+
 def logged(path: NeedlePath, rng: np.random.Generator) -> Any:
     """The parts of a recording that `with_elastic_forces` needs."""
-    table = sense(
-        path,
-        sample_sensor(
-            PhantomStudy(force_drift_n_per_s=PhantomStudy().needle_lean_rad), rng
-        ),
-        2,
-        -1,
-        path.times_s[-1] + 1.5,
-        rng,
-    )
-    log = ForceLog(table[:, 0], table[:, 1:], FORCE_COLUMNS[1:])
-
-    return SimpleNamespace(
-        forces=log, info=SimpleNamespace(force=ForceInfo("fz", -1, 2.0))
-    )
+    phantom = PhantomStudy(force_drift_n_per_s=PhantomStudy().needle_lean_rad)
+    log = sensed(path, sample_sensor(phantom, rng), rng)
+    info = SimpleNamespace(force=ForceInfo("fz", -1, 2.0))
+    return SimpleNamespace(forces=log, info=info)
 
 
+@cache
 def found_in(
-    path: NeedlePath, frame_s: np.ndarray, rng, known: Relaxation | None = None
-):
-    """Elastic forces of frames, N, and how the tissue relaxes, from the log of a path
-    and the true labels.
-    """
+    tissue: PronySeries, seed: int, known: Relaxation | None = None
+) -> HeldPushes:
+    """What the log of some pushes shows."""
+    rng = np.random.default_rng(seed)
+    return shown_by(*pushed(tissue, rng), rng, known)
+
+
+def shown_by(
+    pushes: tuple[Push, ...],
+    path: NeedlePath,
+    rng: np.random.Generator,
+    known: Relaxation | None = None,
+) -> HeldPushes:
+    """What the log of a path shows, with true labels of a frame in each push."""
+    frame_s = np.array([push.frame_s for push in pushes])
+    recording = logged(path, rng)
     forces = FrameForces(path.felt_n(frame_s), frame_s, np.zeros(2), ZERO_PRIOR)
-    found, relaxation, _ = with_elastic_forces(logged(path, rng), forces, known)
-    return found.force_n, relaxation
+    elastic, relaxation, _ = with_elastic_forces(recording, forces, known)
+    log = hold_log(recording, forces)
+    return HeldPushes(pushes, path, frame_s, log, relaxation, elastic.force_n)
 
 
 def read_as(elastic_n: float, sd_n: float = 0.2e-3) -> Answer:

@@ -87,7 +87,11 @@ def write_moments(
         f" = {one.direction_rad}\n"
         for one in planes
     )
-    text = recording_toml("eye", more=listed * (len(planes) > 1) + FORCE_INFO * log)
+    text = recording_toml(
+        "eye",
+        more=listed * (len(planes) > 1) + FORCE_INFO * log,
+        globe='globe = "open"\nrelaxation = []',
+    )
     gap_m = f"slice_gap_m = {-CONTACT_M[1]}\n" if len(planes) == 1 else ""
     (folder / "recording.toml").write_text(
         text.replace(f"slice_gap_m = {GAP_M}\n", gap_m)

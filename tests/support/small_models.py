@@ -107,9 +107,8 @@ def write_fixed_reader(
     library: Library,
     shares: Sequence[float],
     contact_m: float = 0.0,
-    default: str = "fit",
-) -> Study:
-    """Write the folder; returns its study."""
+) -> None:
+    """Write the folder of a reader."""
     study = fixed_study(len(shares))
     given = len(GIVEN)
     bins = len(shares)
@@ -133,9 +132,7 @@ def write_fixed_reader(
     save_library(library, folder)
     files = {LIBRARY_FILE: folder.read_bytes()}
     folder.unlink()
-    _write_model(path, study, network, {"kind": "reader", "default": default}, files)
-
-    return study
+    _write_model(path, study, network, {"kind": "reader", "default": "fit"}, files)
 
 
 def write_classifier(path: Path, study: Study) -> tuple[np.ndarray, np.ndarray]:
@@ -194,11 +191,11 @@ RAW_STUDY = replace(
 )
 
 
-def write_raw_model(path: Path, study: Study = RAW_STUDY) -> None:
+def write_raw_model(path: Path) -> None:
     """Write the folder of a raw reader with random weights."""
     rng = np.random.default_rng(3)
-    window = study.raw_reader
-    bins = study.reader.bins
+    window = RAW_STUDY.raw_reader
+    bins = RAW_STUDY.reader.bins
     inputs = len(GIVEN) + 1
     network = _network(
         f"""raw (float[n, {window.rows}, {window.columns}] {FINDER_FRAMES},
@@ -212,12 +209,12 @@ def write_raw_model(path: Path, study: Study = RAW_STUDY) -> None:
             places = Gemm(inputs, place)
             {CONTACT} = Squeeze(places, second)
         }}""",
-        study,
+        RAW_STUDY,
         weights=rng.normal(size=(inputs, bins)),
         place=1e-4 * rng.normal(size=(inputs, 1)),
         second=SECOND,
     )
-    _write_model(path, study, network, {"kind": "raw-reader"})
+    _write_model(path, RAW_STUDY, network, {"kind": "raw-reader"})
 
 
 def _without_disturbance(record: Any) -> Any:

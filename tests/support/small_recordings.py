@@ -1,7 +1,7 @@
 """Small recordings, their answers and their calibrations."""
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from shutil import copytree
@@ -230,6 +230,12 @@ def read_frames(
     return looks, evaluation_of(answers, remarks=(gap,), kind="reader")
 
 
+def drawn_surface_m(lateral_m: np.ndarray, dent_m: float) -> np.ndarray:
+    """Depth of the surface of `drawn_wall`."""
+    round_m = 12e-3 - np.sqrt(12e-3**2 - lateral_m**2)
+    return 0.5e-3 + round_m + dent_m * np.exp(-((lateral_m / 2e-3) ** 2))
+
+
 def drawn_wall(rng: np.random.Generator, dent_m: float = 0.6e-3) -> np.ndarray:
     """A frame of 15 x 4 mm, in 12 bits, with a wall of 0.6 mm: its surface is 0.5 mm
     deep in the middle, and dented.
@@ -237,12 +243,7 @@ def drawn_wall(rng: np.random.Generator, dent_m: float = 0.6e-3) -> np.ndarray:
     lateral_m = (
         np.arange(LOOKED_AT_COLUMNS) + 0.5
     ) / LOOKED_AT_COLUMNS * 15e-3 - 7.5e-3
-    top_m = (
-        0.5e-3
-        + 12e-3
-        - np.sqrt(12e-3**2 - lateral_m**2)
-        + dent_m * np.exp(-((lateral_m / 2e-3) ** 2))
-    )
+    top_m = drawn_surface_m(lateral_m, dent_m)
     depth_m = (np.arange(LOOKED_AT_ROWS)[:, None] + 0.5) / LOOKED_AT_ROWS * 4e-3
     wall = (depth_m >= top_m) & (depth_m < top_m + 0.6e-3)
 
@@ -365,26 +366,27 @@ def write_recording(path: Path, eye: str, gap_m: float = GAP_M, seed: int = 0) -
     return path
 
 
+def calibration_of_mine(frames: Sequence[Mapping[str, str]] = ()) -> str:
+    """Return the JSON text of an eye that was calibrated on frames."""
+    mpa = MODULUS_PA / 1e6
+    eye = {
+        "mean_mpa": mpa,
+        "sd_mpa": 0.01 * mpa,
+        "thickness_um": THICKNESS_M * 1e6,
+        "frames": frames,
+    }
+    population = {"mean_mpa": 1.1 * mpa, "sd_mpa": 0.05}
+    return calibration_text(eyes={"mine": eye}, population=population)
+
+
 def write_places(folder: Path) -> dict[str, Path]:
     """Write a model, calibrations and recordings of three eyes."""
     write_fixed_reader(folder / "model", analytic_frames.SMALL_LIBRARY, (0.125,) * 8)
-    mpa = MODULUS_PA / 1e6
     mine = write_recording(folder / "mine", "mine")
     used = [
         {"file": "1.png", "sha256": frame_digest(read_frame(mine / "frames" / "1.png"))}
     ]
-    eyes = {
-        "mine": {
-            "mean_mpa": mpa,
-            "sd_mpa": 0.01 * mpa,
-            "thickness_um": THICKNESS_M * 1e6,
-            "frames": used,
-        }
-    }
-    population = {"mean_mpa": 1.1 * mpa, "sd_mpa": 0.05}
-    (folder / "calibration.json").write_text(
-        calibration_text(eyes=eyes, population=population)
-    )
+    (folder / "calibration.json").write_text(calibration_of_mine(used))
     (folder / "linear.json").write_text(calibration_text(mechanics="linear"))
 
     return {
@@ -418,22 +420,24 @@ epochs = 2
 """
 
 
+VIRTUAL_EYE = Setup(
+    eye=Eye(
+        "eye-a",
+        thickness_m=THICKNESS_M,
+        modulus=Modulus.stated(MODULUS_PA),
+        iop_pa=IOP_PA,
+    ),
+    needle=Needle(gap_m=GAP_M, polar_rad=0.61),
+)
+
+
 def write_notebook_folder(folder: Path) -> None:
     """Write study.toml, eye-a, responses, dataset and reader; below `cache`, the
     library of the study for the user.
     """
     (folder / "study.toml").write_text(NOTEBOOK_STUDY)
     study = read_study(folder / "study.toml")
-    eye = Setup(
-        eye=Eye(
-            "eye-a",
-            thickness_m=THICKNESS_M,
-            modulus=Modulus.stated(MODULUS_PA),
-            iop_pa=IOP_PA,
-        ),
-        needle=Needle(gap_m=GAP_M, polar_rad=0.61),
-    )
-    plan = plan_phantom(eye, (0.010, 0.020, 0.040), study, seed=0)
+    plan = plan_phantom(VIRTUAL_EYE, (0.010, 0.020, 0.040), study, seed=0)
     write_phantom(folder / "eye-a", plan, _sections, study)
     cache = folder / "cache" / "scleraforce" / "libraries"
     cached_library(study, folder=cache, workers=1, solve=solve_analytic)
@@ -454,16 +458,7 @@ def write_pushes(folder: Path, eye: str = "eye-a", forces_mn=PUSHES_MN, **more) 
     """Write an eye of the analytic library under these forces, with a log in which the
     needle pushes once for each frame; `more` are other values of the eye.
     """
-    usual = Setup(
-        eye=Eye(
-            eye,
-            thickness_m=THICKNESS_M,
-            modulus=Modulus.stated(MODULUS_PA),
-            iop_pa=IOP_PA,
-        ),
-        needle=Needle(gap_m=GAP_M, polar_rad=0.61),
-    )
-    drawn = virtual_eyes.changed(usual, **more)
+    drawn = virtual_eyes.changed(VIRTUAL_EYE, name=eye, **more)
     plan = plan_phantom(drawn, tuple(1e-3 * f for f in forces_mn), Study(), seed=0)
     write_phantom(folder, plan, _sections, Study())
     return folder

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from analytic_frames import SCALE, frame_under
 from small_models import FINDER_STUDY as STUDY, fixed_finder
-from small_recordings import drawn_wall
+from small_recordings import drawn_surface_m, drawn_wall
 
 from scleraforce.calibration.answer_metrics import dice
 from scleraforce.lab.scenes.drawn_scenes import draw_scene
@@ -19,14 +19,14 @@ from scleraforce.wall.find_wall import find_wall
 from scleraforce.wall.needle_in_frame import SeenNeedle
 from scleraforce.wall.two_methods import joined_walls
 from scleraforce.wall.wall import Segmentation
-from scleraforce.wall.wall_network import WallFinder, reduced_columns
+from scleraforce.wall.wall_network import reduced_columns
 
 HALF = STUDY.columns // 2
 
 
 @pytest.mark.parametrize("force_mn", [0, 15, 45])
 def test_a_network_that_sees_the_same_wall_moves_its_end_to_the_edge_alone(
-    force_mn, shipped: WallFinder
+    force_mn, shipped
 ):
     frame = frame_under(force_mn / 1e3)
     alone = find_wall(frame, SCALE)
@@ -41,7 +41,7 @@ def test_a_network_that_sees_the_same_wall_moves_its_end_to_the_edge_alone(
 
 @pytest.mark.slow
 def test_eyes_at_rest_whose_surface_the_steps_of_light_lose_are_refused(
-    shipped: WallFinder,
+    shipped,
 ):
     """Drawn scenes: where `find_wall` is far off, and says nothing, the network's look
     refuses most frames.
@@ -73,12 +73,7 @@ def test_a_dent_that_leaves_the_frame_stays_a_gap_whatever_the_network_sees(dent
     frame = drawn_wall(np.random.default_rng(2), dent_m)
     scale = PixelScale(lateral_m=15e-3 / 300, depth_m=4e-3 / 256)
     lateral_m = (reduced_columns(300, HALF) - 149.5) * scale.lateral_m
-    top_m = (
-        0.5e-3
-        + 12e-3
-        - np.sqrt(12e-3**2 - lateral_m**2)
-        + dent_m * np.exp(-((lateral_m / 2e-3) ** 2))
-    )
+    top_m = drawn_surface_m(lateral_m, dent_m)
     outer = np.minimum(top_m / scale.depth_m - 0.5, 235.0)
     inner = np.minimum(outer + 0.6e-3 / scale.depth_m, 253.0)
     finder = fixed_finder(*((row + 0.5) / 2 - 0.5 for row in (outer, inner)))

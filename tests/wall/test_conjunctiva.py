@@ -14,7 +14,6 @@ from scleraforce.records.scan import PixelScale
 from scleraforce.records.study import Study, fixed
 from scleraforce.wall.conjunctiva import second_surface_m
 from scleraforce.wall.find_wall import find_wall
-from scleraforce.wall.wall_network import WallFinder
 
 STUDY = Study()
 SCALE = PixelScale.of(STUDY.oct)
@@ -53,9 +52,7 @@ def layer_below(frame: np.ndarray, told_m: float | None) -> float | None:
 
 @pytest.mark.parametrize("layer_m", [80e-6, 140e-6, 250e-6, 450e-6])
 @pytest.mark.parametrize("seed", range(3))
-def test_the_walls_surface_is_found_below_a_conjunctiva(
-    layer_m, seed, shipped: WallFinder
-):
+def test_the_walls_surface_is_found_below_a_conjunctiva(layer_m, seed, shipped):
     """From 140 um on the shipped network takes it for wall, which does not speak
     against the given thickness.
     """

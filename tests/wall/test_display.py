@@ -8,7 +8,6 @@ from analytic_frames import SCALE, drawn_counts
 
 from scleraforce.wall.find_wall import find_wall
 from scleraforce.wall.frame_light import as_logarithmic, pair_contrast
-from scleraforce.wall.wall_network import WallFinder
 
 LINEAR = {"display": "linear", "snr_db": 20.0, "display_range_db": 38.0}
 
@@ -72,9 +71,7 @@ def test_logarithms_keep_order_and_black(dtype):
 
 
 @pytest.mark.parametrize("seed", range(7210, 7216))
-def test_walls_of_linear_frames_are_found_as_in_logarithmic_ones(
-    seed, shipped: WallFinder
-):
+def test_walls_of_linear_frames_are_found_as_in_logarithmic_ones(seed, shipped):
     """In the counts themselves both methods differ in most of these frames, which are
     then not usable.
     """

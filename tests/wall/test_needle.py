@@ -173,7 +173,7 @@ NO_NEEDLES = {
 @pytest.mark.parametrize("name", NO_NEEDLES)
 @pytest.mark.parametrize("dent_m", [0.0, 1.0e-3])
 def test_nothing_else_is_taken_for_a_needle(name, dent_m):
-    for seed in range(4):
+    for seed in range(2):
         assert wall_of(None, dent_m, seed, **NO_NEEDLES[name]).needle is None, seed
 
 

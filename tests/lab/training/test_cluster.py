@@ -40,7 +40,7 @@ def cluster(tmp_path: Path) -> Iterator[Cluster]:
     made.end()
 
 
-def test_a_search_on_a_cluster_finds_what_one_here_finds(cluster: Cluster) -> None:
+def test_a_search_on_a_cluster_finds_what_one_here_finds(cluster):
     cluster.worker()  # of two threads, which share PyTorch's random numbers
     rng = np.random.default_rng(0)
     training, validation = (
@@ -69,8 +69,8 @@ def test_a_search_on_a_cluster_finds_what_one_here_finds(cluster: Cluster) -> No
 
 
 def test_a_wall_finder_learns_the_same_from_scenes_that_a_cluster_draws(
-    cluster: Cluster,
-) -> None:
+    cluster,
+):
     cluster.worker()
     study = replace(
         SMALL_STUDY, wall_finder=replace(SMALL_STUDY.wall_finder, batches=12)

@@ -217,7 +217,6 @@ def test_metadata_is_complete_and_is_the_plan(made):
     dataset = open_dataset(made)
     found = dataset.study, dataset.youngs_modulus_pa, dataset.attributes["seed"]
     assert found == (small_study(), MODULUS_PA, 0)
-    assert set(dataset.attributes["versions"]) >= {"scleraforce", "numpy", "zarr"}
 
     for name, values in vars(plan_dataset(small_study())).items():
         np.testing.assert_array_equal(dataset.read(name), values)
@@ -227,8 +226,6 @@ def test_metadata_is_complete_and_is_the_plan(made):
     np.testing.assert_array_equal(
         np.sort(np.r_[training, validation]), np.arange(dataset.images)
     )
-    assert dataset.slices.shape == (465, 40, 140)
-    assert set(np.unique(dataset.slices)) == {0, 255}
 
 
 def flipped(content: bytes, place: int) -> bytes:
@@ -256,10 +253,15 @@ def flipped(content: bytes, place: int) -> bytes:
             "schema",
         ),
         ("zarr.json", lambda held: held[1:], "not a data set"),
+        ("slices/c/2/0/0", None, "slices/c/2/0/0: No such file"),
     ],
 )
 def test_a_damaged_store_is_refused_and_the_damage_named(copy, file, damaged, message):
-    (copy / file).write_bytes(damaged((copy / file).read_bytes()))
+    held = (copy / file).read_bytes()
+    (copy / file).unlink()
+    if damaged is not None:
+        (copy / file).write_bytes(damaged(held))
+
     with pytest.raises(DatasetError, match=message):
         read_all(copy)
 
@@ -267,12 +269,6 @@ def test_a_damaged_store_is_refused_and_the_damage_named(copy, file, damaged, me
 def read_all(path):
     dataset = open_dataset(path)
     return [dataset.read(name) for name in sorted(zarr.open_group(path, mode="r"))]
-
-
-def test_a_missing_chunk_is_named(copy):
-    (copy / "slices/c/2/0/0").unlink()
-    with pytest.raises(DatasetError, match="slices/c/2/0/0: No such file"):
-        read_all(copy)
 
 
 @pytest.mark.parametrize(
@@ -485,11 +481,6 @@ def test_slices_of_a_library_are_stored_with_their_mechanics(study, library, tmp
             {"globe": st.GlobeStudy("sealed")},
             StudyError,
             "globe.kind: not used by `generate` with finite-strain mechanics",
-        ),
-        (
-            {"mechanics": st.MechanicsStudy(follower=False)},
-            StudyError,
-            "mechanics.follower: not used by `generate` with finite-strain mechanics",
         ),
     ],
 )

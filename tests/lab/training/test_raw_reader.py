@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -78,7 +77,7 @@ def slice_between(outer_rows: list[int], inner_row: int, wall: float) -> np.ndar
     return tiny_network().slices(logits, walls)[0].numpy()
 
 
-def test_sure_boundaries_make_the_slice_of_the_wall_between_them() -> None:
+def test_sure_boundaries_make_the_slice_of_the_wall_between_them():
     # rows of 50 µm: from the middle of the one to the middle of the other
     cut = slice_between([20], 33, 50.0)
     expected = np.zeros((40, 140))
@@ -87,7 +86,7 @@ def test_sure_boundaries_make_the_slice_of_the_wall_between_them() -> None:
     np.testing.assert_allclose(cut, expected, atol=1e-5)
 
 
-def test_an_unsure_boundary_makes_a_share_and_keeps_the_mean_thickness() -> None:
+def test_an_unsure_boundary_makes_a_share_and_keeps_the_mean_thickness():
     cut = slice_between([18, 22], 36, 50.0)
     assert cut[:, 70].sum() * TINY.slice.pixel_m == pytest.approx(
         (36 - 20) * 50e-6, rel=1e-4
@@ -96,7 +95,7 @@ def test_an_unsure_boundary_makes_a_share_and_keeps_the_mean_thickness() -> None
     assert slice_between([20], 33, -50.0).max() < 1e-12
 
 
-def test_the_graph_answers_as_the_network_does() -> None:
+def test_the_graph_answers_as_the_network_does():
     made = tiny_network()
     rng = np.random.default_rng(2)
     frames = rng.uniform(-0.4, 1.4, (3, 80, 144)).astype(np.float32)
@@ -120,8 +119,8 @@ def test_the_graph_answers_as_the_network_does() -> None:
 
 @pytest.mark.slow
 def test_a_training_is_repeatable_and_learns_where_the_wall_is(
-    library: Library,
-) -> None:
+    library,
+):
     study = replace(
         TINY,
         raw_reader=replace(
@@ -149,9 +148,7 @@ def test_a_training_is_repeatable_and_learns_where_the_wall_is(
 
 
 @pytest.mark.slow
-def test_the_folder_is_a_model_that_reads_forces(
-    library: Library, tmp_path: Path
-) -> None:
+def test_the_folder_is_a_model_that_reads_forces(library, tmp_path):
     study = replace(TINY, raw_reader=replace(TINY.raw_reader, interval_eyes=6))
     done = epochs, batches, eyes = [], [], []
     train_raw_reader(
@@ -202,8 +199,8 @@ def study_with(**raw: object) -> Study:
 
 
 def test_frames_are_bright_between_their_boundaries_and_dark_above(
-    source: raw_reader_training.RawSource,
-) -> None:
+    source,
+):
     plain = raw_reader_training.RawSource(source.library, study_with()).chunk(1, COUNT)
     row = np.arange(80)[:, None]
     pairs = plain.frames.reshape(COUNT, 80, 72, 2).mean(axis=3)
@@ -216,7 +213,7 @@ def test_frames_are_bright_between_their_boundaries_and_dark_above(
     assert abs(pairs[above].mean()) < 0.05
 
 
-def test_the_tip_touches_the_wall() -> None:
+def test_the_tip_touches_the_wall():
     window = FrameWindow.of(STUDY.raw_reader)
     rng = np.random.default_rng(4)
     depth = np.full((1, 2, window.columns), 1.5e-3)
@@ -239,7 +236,7 @@ def optics_of(study: Study, count: int = 200) -> list[BscanOptics]:
 @pytest.mark.parametrize(("loss_db", "factor"), [(0.0, 1.0), (6.0, 3.0)])
 def test_the_scanner_is_the_phantoms_or_worse_by_the_given_amount(
     loss_db: float, factor: float
-) -> None:
+):
     study = study_with(snr_loss_db=fixed(loss_db), speckle_factor=fixed(factor))
     drawn = optics_of(study)
     for name, less, times in (
@@ -256,7 +253,7 @@ def test_the_scanner_is_the_phantoms_or_worse_by_the_given_amount(
     assert {(each.conjunctiva, each.needle) for each in drawn} == {(None, None)}
 
 
-def test_a_share_of_the_frames_has_a_conjunctiva_of_the_range() -> None:
+def test_a_share_of_the_frames_has_a_conjunctiva_of_the_range():
     study = study_with(conjunctiva_share=0.3)
     layers = [each.conjunctiva for each in optics_of(study, 400)]
     thick_m = [layer.thickness_m for layer in layers if layer]
@@ -267,8 +264,8 @@ def test_a_share_of_the_frames_has_a_conjunctiva_of_the_range() -> None:
 
 @pytest.mark.slow
 def test_a_needle_crosses_its_share_of_the_planes_within_its_diameter(
-    library: Library,
-) -> None:
+    library,
+):
     """Planes that it crosses are drawn nearer than the reader's nearest."""
     study = study_with(needle_share=0.5)
     raw = study.raw_reader
@@ -286,7 +283,7 @@ def test_a_needle_crosses_its_share_of_the_planes_within_its_diameter(
     assert largest_m <= (1.0 + 1e-9) * raw.needle_gap_fraction * needle.diameter_m
 
 
-def test_a_linear_display_is_drawn_where_the_phantom_has_one(library: Library) -> None:
+def test_a_linear_display_is_drawn_where_the_phantom_has_one(library):
     """There, dim tissue is dark."""
     shares = []
     for display in ("logarithmic", "linear"):

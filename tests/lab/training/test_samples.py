@@ -42,7 +42,7 @@ def eyes(library):
 
 def test_a_given_modulus_is_a_normal_distribution_that_the_eye_is_drawn_from(
     eyes,
-) -> None:
+):
     known = np.isfinite(eyes.stated.modulus_pa)
     assert abs((~known).mean() - READER.modulus_missing_fraction) < 0.01
     fitted_pa = eyes.stated.modulus_pa.copy()
@@ -69,7 +69,7 @@ def test_a_given_modulus_is_a_normal_distribution_that_the_eye_is_drawn_from(
 
 def test_the_pressure_under_the_needle_solves_the_law_of_the_globe_that_was_drawn(
     eyes, library
-) -> None:
+):
     some = slice(0, 300)
     resting = eyes.iop_pa[some] / eyes.modulus_pa[some]
     size = eyes.size[some]
@@ -92,9 +92,7 @@ def test_the_pressure_under_the_needle_solves_the_law_of_the_globe_that_was_draw
     ).all()
 
 
-def test_a_mirror_image_is_the_sample_of_the_mirrored_eye(
-    library, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_mirror_image_is_the_sample_of_the_mirrored_eye(library, monkeypatch):
     bulged = bulging(library)
     plain = replace(
         READER,
@@ -134,7 +132,7 @@ def test_a_mirror_image_is_the_sample_of_the_mirrored_eye(
 
 def test_without_errors_a_slice_is_what_the_fit_predicts_of_an_eye_beside_the_pole(
     library,
-) -> None:
+):
     bulged = bulging(library)
     plain = replace(
         READER,
@@ -181,7 +179,7 @@ def test_without_errors_a_slice_is_what_the_fit_predicts_of_an_eye_beside_the_po
     assert np.mean(agreeing) > np.mean(upright) + 0.01
 
 
-def test_a_library_without_eyes_of_the_study_is_refused(library) -> None:
+def test_a_library_without_eyes_of_the_study_is_refused(library):
     with pytest.raises(InputError, match="hardly any eye"):
         draw_eyes(
             library,
@@ -191,7 +189,7 @@ def test_a_library_without_eyes_of_the_study_is_refused(library) -> None:
         )
 
 
-def test_the_stiffest_tissue_is_the_librarys_which_may_have_no_other(library) -> None:
+def test_the_stiffest_tissue_is_the_librarys_which_may_have_no_other(library):
     rng = np.random.default_rng(4)
     always = replace(READER, stiffening_share=1.0)
 

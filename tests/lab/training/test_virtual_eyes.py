@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from analytic_library import made_up_library, without_rests
+from analytic_library import EXACT_EYES, made_up_library, without_rests
+from relaxing_eyes import sensed
 from small_recordings import LOGGED_INFO
 
 from scleraforce.fit.one_frame import fit_boundaries
@@ -18,7 +19,6 @@ from scleraforce.lab.needle_pushes import (
     path_of_pushes,
     plan_pushes,
     sample_sensor,
-    sense,
 )
 from scleraforce.lab.training import interval_measurement
 from scleraforce.lab.training.drawn_wall_errors import (
@@ -44,26 +44,14 @@ from scleraforce.reading.interval_widths import IntervalScore
 from scleraforce.recordings.force_errors import LABEL_SD_N, FrameForces, frame_forces
 from scleraforce.recordings.forces_under_frames import label_frames
 from scleraforce.recordings.frame_and_force_tables import (
-    FORCE_COLUMNS,
-    ForceLog,
     FrameEntry,
 )
 from scleraforce.recordings.recording_folder import Recording
 from scleraforce.records.setup import Setup
-from scleraforce.records.study import Range, ReaderStudy, SliceStudy, Study
+from scleraforce.records.study import Range, SliceStudy, Study
 
 RADIUS_M = np.array([12e-3])
-EXACT = Study(
-    reader=ReaderStudy(
-        uneven_share=0.0,
-        iop_noise_fraction=0.0,
-        thickness_noise_fraction=0.0,
-        gap_noise_fraction=0.0,
-        thickness_m=Range(min=500e-6, max=700e-6),
-        iop_pa=Range(min=200.0, max=400.0),
-        pole_noise_rad=0.0,
-    )
-)
+EXACT = Study(reader=replace(EXACT_EYES, pole_noise_rad=0.0))
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +60,7 @@ def eye(library) -> VirtualEye:
     return draw_eye(EXACT, library, 0, np.random.default_rng(6))
 
 
-def test_even_walls_have_no_form_and_uneven_ones_are_as_uneven_as_said() -> None:
+def test_even_walls_have_no_form_and_uneven_ones_are_as_uneven_as_said():
     rng = np.random.default_rng(0)
     thickness_m = np.full(4000, 0.6e-3)
     radius_m = np.full(4000, 12e-3)
@@ -88,7 +76,7 @@ def test_even_walls_have_no_form_and_uneven_ones_are_as_uneven_as_said() -> None
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_beyond_the_limbus_the_surface_curves_like_the_cornea(side: float) -> None:
+def test_beyond_the_limbus_the_surface_curves_like_the_cornea(side: float):
     nothing = np.zeros(1)
     across_m = np.linspace(-6e-3, 6e-3, 2401)
     at_limbus = {
@@ -114,7 +102,7 @@ def test_beyond_the_limbus_the_surface_curves_like_the_cornea(side: float) -> No
     assert np.abs(depths[OUTER][outward_m < 1e-3]).max() < 2e-6
 
 
-def test_forces_drift_away_from_the_librarys_with_the_dent(eye: VirtualEye) -> None:
+def test_forces_drift_away_from_the_librarys_with_the_dent(eye):
     exact = replace(EXACT, reader=replace(EXACT.reader, interval_boundary_errors=0.0))
     plain, drifted = (
         draw_frames(replace(eye, drift=drift), exact, 6, np.random.default_rng(6))
@@ -143,26 +131,18 @@ def test_forces_drift_away_from_the_librarys_with_the_dent(eye: VirtualEye) -> N
 def logged_forces(forces_n: np.ndarray, rng: np.random.Generator) -> FrameForces:
     """Labels of a force log of the virtual laboratory, freed of the sensor's zero."""
     phantom = Study().phantom
-    force = LOGGED_INFO.force
-    assert force is not None
     pushes = plan_pushes(tuple(forces_n.tolist()), phantom, rng)
-    sensor = sample_sensor(phantom, rng)
-    axis = ("fx", "fy", "fz").index(force.axis)
-    path = path_of_pushes(pushes, ELASTIC)
-    log = sense(
-        path, sensor, axis, force.contact_sign, pushes[-1].corners_s[-1] + 1.0, rng
-    )
-    forces = ForceLog(log[:, 0], log[:, 1:], FORCE_COLUMNS[1:])
+    log = sensed(path_of_pushes(pushes, ELASTIC), sample_sensor(phantom, rng), rng)
     frames = tuple(
         FrameEntry(f"{number}.png", push.frame_s) for number, push in enumerate(pushes)
     )
-    recording = Recording(Path(), LOGGED_INFO, frames, forces)
+    recording = Recording(Path(), LOGGED_INFO, frames, log)
 
     return frame_forces(recording, label_frames(recording, Study().classes))
 
 
 @pytest.mark.slow
-def test_labels_have_the_errors_of_a_force_log_and_their_size() -> None:
+def test_labels_have_the_errors_of_a_force_log_and_their_size():
     rng = np.random.default_rng(11)
     shared = []
     own = []
@@ -192,9 +172,7 @@ def test_labels_have_the_errors_of_a_force_log_and_their_size() -> None:
     )
 
 
-def test_an_even_eye_is_calibrated_and_three_frames_are_used_up(
-    eye: VirtualEye, library
-) -> None:
+def test_an_even_eye_is_calibrated_and_three_frames_are_used_up(eye, library):
     frames = draw_frames(eye, EXACT, 8, np.random.default_rng(6))
     again = draw_frames(eye, EXACT, 8, np.random.default_rng(6))
     np.testing.assert_array_equal(frames[3].cuts, again[3].cuts)
@@ -208,8 +186,8 @@ def test_an_even_eye_is_calibrated_and_three_frames_are_used_up(
 @pytest.mark.slow
 @pytest.mark.parametrize("drift", [-0.25, 0.25])
 def test_forces_that_drift_from_the_librarys_are_read_as_three_frames_of_known_force_show(
-    eye: VirtualEye, library, drift: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
+    eye, library, drift: float, monkeypatch
+):
     """A few percent of drift is expected; of more than that as much is learnt as the
     forces' zero leaves open.
     """
@@ -260,8 +238,8 @@ def stiffenings_of_others(eye: VirtualEye, count: int) -> np.ndarray:
 
 
 def test_tissue_stiffens_as_often_as_stated_and_other_eyes_stiffen_otherwise(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    monkeypatch,
+):
     # the base's motion takes 0.3 s an eye and decides no drawn or stated value
     monkeypatch.setattr(
         "scleraforce.calibration.filter.library_sections.base_moves",
@@ -284,7 +262,7 @@ def test_tissue_stiffens_as_often_as_stated_and_other_eyes_stiffen_otherwise(
     assert most == pytest.approx(log1p(30.0))
 
 
-def test_the_modulus_of_other_eyes_is_off_as_eyes_differ(eye: VirtualEye) -> None:
+def test_the_modulus_of_other_eyes_is_off_as_eyes_differ(eye):
     wide = replace(EXACT.reader, youngs_modulus_pa=Range(min=1e4, max=1e7))
     study = replace(EXACT, reader=wide)
     rng = np.random.default_rng(1)
@@ -299,8 +277,8 @@ def test_the_modulus_of_other_eyes_is_off_as_eyes_differ(eye: VirtualEye) -> Non
 
 @pytest.mark.slow
 def test_an_eye_is_calibrated_otherwise_on_a_few_frames_of_any_forces_and_read_at_others(
-    eye: VirtualEye, library
-) -> None:
+    eye, library
+):
     found = []
     for seed in range(6):
         known, left = interval_measurement.calibrated_otherwise(
@@ -369,7 +347,7 @@ def drawn(rng: np.random.Generator, eyes: int, frames: int) -> list[IntervalScor
     return found
 
 
-def test_traits_that_multiply_are_found() -> None:
+def test_traits_that_multiply_are_found():
     factors = interval_measurement.trait_factors(
         drawn(np.random.default_rng(1), 1000, 6)
     )["fit"]["own E"]
@@ -383,7 +361,7 @@ def test_traits_that_multiply_are_found() -> None:
 
 
 @pytest.mark.slow
-def test_of_each_trait_90_percent_are_held_and_of_new_eyes_too() -> None:
+def test_of_each_trait_90_percent_are_held_and_of_new_eyes_too():
     rng = np.random.default_rng(2)
     of_new = []
 
@@ -416,7 +394,7 @@ def scores_of(method: str, *traits: str, score: float, count: int, eyes: int = 0
     ]
 
 
-def test_no_trait_makes_intervals_narrower_and_every_eye_has_the_same_weight() -> None:
+def test_no_trait_makes_intervals_narrower_and_every_eye_has_the_same_weight():
     eyes = {"count": 50, "eyes": 50}
     scores = [
         *scores_of("network", "other E", "open", score=1.0, **eyes),
@@ -465,7 +443,7 @@ def test_smoothing_moves_a_bent_surface_by_half_its_variance_times_the_curvature
     np.testing.assert_allclose(moved, 0.5 * smoothing_m**2 * 200.0, rtol=0.01)
 
 
-def test_a_surface_that_leaves_at_the_bottom_is_seen_too_high_and_then_lost() -> None:
+def test_a_surface_that_leaves_at_the_bottom_is_seen_too_high_and_then_lost():
     outer = 4.6e-3 - 0.3 * np.abs(LATERAL_M)
     true = np.repeat(np.stack([outer, outer + 0.6e-3])[None], 300, axis=0)
     seen = disturb(

@@ -31,8 +31,8 @@ FINDER = SMALL_STUDY.wall_finder
 
 @pytest.mark.slow
 def test_it_finds_walls_of_new_easy_scenes_and_writes_a_wall_finder_that_is_checked(
-    tmp_path: Path,
-) -> None:
+    tmp_path,
+):
     folder = tmp_path / "finder"
     record = train_wall_finder(SMALL_STUDY, folder, workers=1)
     assert record["metrics"]["dice_mean"] > 0.85
@@ -68,7 +68,7 @@ def test_it_finds_walls_of_new_easy_scenes_and_writes_a_wall_finder_that_is_chec
         load_wall_finder(changed)
 
 
-def test_the_graph_answers_as_the_network_does() -> None:
+def test_the_graph_answers_as_the_network_does():
     with torch.random.fork_rng():
         torch.manual_seed(3)
         network = wall_network_training.WallFinderNetwork(FINDER)
@@ -90,7 +90,7 @@ def test_the_graph_answers_as_the_network_does() -> None:
     assert wall == pytest.approx(wall_logits.sigmoid().numpy(), abs=1e-5)
 
 
-def test_a_batch_has_the_truth_of_its_scenes_in_rows_of_the_reduced_frame() -> None:
+def test_a_batch_has_the_truth_of_its_scenes_in_rows_of_the_reduced_frame():
     batch = wall_network_training.scene_batch(SMALL_STUDY, 2)
     scene = draw_scene(SMALL_STUDY.scenes, 2 * FINDER.batch_size + 5)
     middle = FINDER.columns // 4
@@ -116,7 +116,7 @@ def loss_of(
     ).item()
 
 
-def test_the_loss_grows_with_the_distance_and_counts_visible_columns_only() -> None:
+def test_the_loss_grows_with_the_distance_and_counts_visible_columns_only():
     sure = [9.0] * 4
     all_judged = [True] * 4
     losses = [loss_of(row, sure, 10.0, all_judged) for row in (10.0, 11.0, 14.0, 20.0)]
@@ -129,7 +129,7 @@ def test_the_loss_grows_with_the_distance_and_counts_visible_columns_only() -> N
     assert loss_of(10.0, [-5.0, -5.0, 50.0, -50.0], nowhere, half) < 0.01
 
 
-def test_dice_of_a_scene_leaves_out_what_nobody_can_see() -> None:
+def test_dice_of_a_scene_leaves_out_what_nobody_can_see():
     scene = draw_scene(SMALL_STUDY.scenes, 0)
     half = np.arange(scene.frame.shape[1]) < scene.frame.shape[1] // 2
     found = (scene.mask > 0) & half
