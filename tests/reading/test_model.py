@@ -224,7 +224,16 @@ def test_a_model_that_no_folder_gave_is_not_pickled():
         pickle.dumps(force_reader())
 
 
-def test_a_model_is_named_by_its_folder_and_checked_at_each_use(folder):
+def test_a_model_is_loaded_once_named_as_it_is_given_and_checked_at_each_use(
+    folder, monkeypatch
+):
+    monkeypatch.chdir(folder.parent)
+    loaded = load_reader(folder)
+    again = load_reader(f"./{folder.name}", finder=None)
+    assert (str(again.path), again.finder) == (folder.name, None)
+    assert again.record is loaded.record
+    assert load_reader(folder, threads=2).record is not loaded.record
+
     model = opened_reader(folder)
     assert (model.path, model.finder is None) == (folder, False)
     assert opened_reader(model) is model
