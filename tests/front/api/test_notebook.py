@@ -207,6 +207,7 @@ def test_missing_metadata_is_named_by_arguments_all_at_once(
 
     names = [*STATED, *NEEDLE, *FORCE, "rate_hz` or `times"]
     assert all(f"(`{name}`)" in str(told.value) for name in names), told.value
+    assert "thickness_m" not in str(told.value)
     assert "--" not in str(told.value)
     assert sorted(tmp_path.rglob("*")) == before
 

@@ -137,8 +137,8 @@ def test_another_model_has_other_limits(tmp_path: Path, shell) -> None:
 
 @pytest.fixture(scope="module")
 def pushed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A virtual recording with forces that states no thickness, of an eye of 15
-    mmHg.
+    """A virtual recording with forces that states neither thickness nor globe, and
+    15 mmHg.
     """
     recording = sf.phantom(
         tmp_path_factory.mktemp("pushed") / "r",
@@ -151,7 +151,7 @@ def pushed(tmp_path_factory: pytest.TempPathFactory) -> Path:
         mechanics="finite-strain",
     )
     info = recording.path / "recording.toml"
-    info.write_text(re.sub(r"(?m)^thickness_m.*\n", "", info.read_text()))
+    info.write_text(re.sub(r"(?m)^(thickness_m|globe).*\n", "", info.read_text()))
     return recording.path
 
 
@@ -163,17 +163,23 @@ def test_calibrate_prefers_the_given_thickness_and_notes_limits_at_once(
     given = ("calibrate", pushed, "--thickness-um 650 --parameters e --frames 2")
     info = pushed / "recording.toml"
     before = info.read_text()
-    means = []
-    for n, thickness in enumerate(("", "\nthickness_m = 4e-4")):
-        info.write_text(before.replace("[eye]", f"[eye]{thickness}"))
-        out = tmp_path / f"{n}.json"
-        # lines wrap where the path ends
-        first = " ".join(shell.run(*given, "--out", out)[0].split()[:40])
-        assert first.startswith(f"note: {pushed}:")
-        assert "IOP 15 mmHg" in first
-        means.append(json.loads(out.read_text())["eyes"]["eye"]["mean_mpa"])
-
+    # lines wrap where the path ends
+    text = shell.text(*given, "--out", tmp_path / "0.json")
+    assert text.startswith(f"note: {pushed}:")
+    info.write_text(before.replace("[eye]", "[eye]\nthickness_m = 4e-4"))
+    printed = shell.json(*given, "--out", tmp_path / "1.json")
     info.write_text(before)
+    codes = {remark["code"] for remark in printed["remarks"]}
+    assert codes == {"missing-input", "outside-training", "parameter-found"}
+    assert f"{pushed}: open or sealed is not stated (eye.globe)" in "".join(
+        printed["notes"]
+    )
+    for words in ("IOP 15 mmHg", "open or sealed is not stated (eye.globe)"):
+        assert words in text.partition("population")[0]
+    means = [
+        json.loads((tmp_path / f"{n}.json").read_text())["eyes"]["eye"]["mean_mpa"]
+        for n in range(2)
+    ]
     assert means[0] == means[1]
 
 

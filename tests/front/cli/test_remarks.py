@@ -31,6 +31,9 @@ def facts(remarks: Any) -> list[dict[str, Any]]:
     return [{**remark, "words": ""} for remark in remarks]
 
 
+pytestmark = pytest.mark.usefixtures("undrawn")
+
+
 @pytest.fixture
 def imported(shell, tmp_path: Path):
     """Import a stack and a log into `r`; return the printed object."""
@@ -375,20 +378,6 @@ def test_a_calibration_of_an_earlier_version_is_read_with_its_doubts(
     place = r"old\.json: eyes\..*\.recordings\[0\]\.remarks\[0\]\.code: 'odd'"
     with pytest.raises(sf.InputError, match=place):
         parse_calibration(open_calibration(old))
-
-
-def test_the_command_prints_and_returns_what_a_calibration_remarks(
-    pushed: Path, tmp_path: Path, shell
-) -> None:
-    given = ("calibrate", pushed, "--frames 3 --parameters e --out")
-    printed = shell.json(*given, tmp_path / "a.json")
-    (note,) = printed["notes"]
-    assert note.startswith(f"{pushed}: open or sealed is not stated (eye.globe)")
-    codes = {remark["code"] for remark in printed["remarks"]}
-    assert codes == {"missing-input", "parameter-found"}
-    text = shell.text(*given, tmp_path / "b.json")
-    assert text.startswith("note: ")
-    assert "open or sealed is not stated (eye.globe)" in text
 
 
 def test_an_evaluation_says_the_same_in_python_json_jupyter_its_page_and_a_table(
