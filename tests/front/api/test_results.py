@@ -10,7 +10,7 @@ import pytest
 from analytic_frames import KNOWN, SCALE, image, tip_of, wall_section
 from page_markup import Markup
 from small_models import force_reader
-from small_recordings import write_notebook_folder
+from small_recordings import write_pushes
 
 import scleraforce as sf
 from scleraforce.base.errors import FrameError, InputError
@@ -133,7 +133,7 @@ def test_results_become_plain_types_and_tables() -> None:
 
 def test_an_evaluation_and_a_calibration_become_tables(tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
-    write_notebook_folder(tmp_path)
+    write_pushes(tmp_path / "eye-a", forces_mn=(10.0, 20.0, 40.0))
     found = sf.evaluate(force_reader(), ["eye-a"])
     table = found.to_dataframe()
     files = [frame.file for frame in found.frames]
