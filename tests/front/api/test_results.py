@@ -3,7 +3,6 @@ a frame.
 """
 
 import json
-import sys
 
 import numpy as np
 import pytest
@@ -174,16 +173,6 @@ def test_jupyter_shows_frame_wall_force_and_interval() -> None:
     assert_is_html(read(FRAMES)._repr_html_(), "frame 1")
     named = Calibration({}, "<b>", (5e-3, 30e-3), "<script>")
     assert "<script>" not in named._repr_html_()
-
-
-@pytest.mark.parametrize(
-    ("name", "call"), [("pandas", "to_dataframe"), ("xarray", "to_xarray")]
-)
-def test_a_missing_package_is_named_with_its_extra(monkeypatch, name, call) -> None:
-    monkeypatch.setitem(sys.modules, name, None)
-    remedy = r"pip install 'scleraforce\[tables\]'"
-    with pytest.raises(InputError, match=f"{name}, which is not installed: {remedy}"):
-        getattr(read(FRAMES[:1]), call)()
 
 
 def assert_is_html(text: str, words: str) -> None:

@@ -119,9 +119,7 @@ STIFF = f'globe = "sealed"\n{K} = 0.03'
     ("stated", "options", "used"),
     [
         ("", "", [(None, "unknown")]),
-        ("", "--globe open", [("open", "option")]),
         (STIFF, "", [("sealed", "recording.toml"), (0.03, "recording.toml")]),
-        (STIFF, "--globe open", [("open", "option")]),
         (STIFF, "--globe closed", [("sealed", "option"), (0.03, "recording.toml")]),
         (
             STIFF,

@@ -298,15 +298,6 @@ def test_planes_have_the_usual_order_where_the_files_of_all_allow_it(
     assert {*times_s} == {0.0, 1.0 if is_taken else 0.25}
 
 
-def test_an_order_of_frames_that_an_option_states_is_refused_by_its_name(
-    shell, other, tmp_path: Path
-) -> None:
-    files = write_frames(tmp_path / "frames", *LETTERS)
-    given = ("--like", other(), SIZE, "--rate-hz 2 --frames-by numbers")
-    error = shell.refused("import", files, *given, "--out", tmp_path / "r")
-    assert "--frames-by numbers takes one number" in error
-
-
 # ---- calibrations and evaluations
 
 

@@ -1,6 +1,5 @@
 """`segment`: masks of frames and recordings, the scale that is used, and bad files."""
 
-import json
 from pathlib import Path
 
 import cv2
@@ -155,30 +154,6 @@ def test_a_scale_that_nothing_states_is_assumed_and_noted(
     (note,) = shell.text(*sized).split("note: ")[1:]
     assert "refractive index (taken as 1; give --refractive-index)" in note
     assert not {"width", "depth"} & {*note.split()}
-
-
-def test_bad_files_are_reported_and_the_others_are_segmented(
-    frame, tmp_path: Path, shell
-) -> None:
-    empty = tmp_path / "empty.png"
-    tiny = tmp_path / "tiny.png"
-    long = tmp_path / ("x" * 300)
-    empty.touch()
-    cv2.imwrite(str(tiny), np.zeros((4, 4), np.uint8))
-    given = (empty, frame, long, tiny)
-    out, err = shell.run("segment", *given, "--json --out", tmp_path / "out", code=2)
-    entries = json.loads(out)["frames"]
-    assert [entry["file"] for entry in entries] == list(map(str, given))
-    for entry, path in zip(entries, given, strict=True):
-        assert entry["usable"] == ("error" not in entry) == (path == frame)
-    for line, path, words in zip(
-        err.splitlines(),
-        (empty, long, tiny),
-        ("an empty file; give", "File name too long", ""),
-        strict=True,
-    ):
-        assert line.startswith(f"error: {path}: {words}")
-    assert [path.name for path in (tmp_path / "out").iterdir()] == ["0001.png"]
 
 
 def test_a_sheet_shows_the_images_of_a_folder_and_needs_no_masks(
