@@ -255,6 +255,8 @@ def refused(folder: Path, monkeypatch: pytest.MonkeyPatch, shell):
         ("--thickness-um 2000", "wall thickness 2000"),
         ("--rigidity 0.03", "--rigidity: of a sealed globe"),
         ("--record box", "the folder of the black box is there"),
+        ("--record .", "exists already"),
+        ("--record calibration.json/session", ": Not a directory"),
         ("--black-box calibration.json/box", "calibration.json/box: Not a directory"),
         ("--eye 'a\nb'", "--eye: 'a\\nb' has a line break"),
         ("--eye '\x1b[2J'", "--eye: '\\x1b[2J' has a line break or another"),
@@ -291,17 +293,6 @@ def test_a_session_that_cannot_be_served_is_refused_in_one_line(
 def test_a_model_that_reads_single_planes_serves_no_others(shell) -> None:
     error = shell.refused("monitor paper --port 0", CROSS)
     assert error.startswith("error: --plane: ")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("place", "words"),
-    [(".", "exists already"), ("calibration.json/session", ": Not a directory")],
-)
-def test_a_session_that_cannot_be_recorded_is_refused_in_one_line(
-    refused, place: str, words: str
-) -> None:
-    assert words in refused("--record", place)
 
 
 def test_a_model_that_was_changed_never_starts(

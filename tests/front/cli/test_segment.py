@@ -37,7 +37,7 @@ def pixels(path: Path) -> np.ndarray:
     return cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
 
 
-def test_a_mask_has_the_size_and_the_name_of_its_frame(
+def test_a_mask_has_the_size_and_the_name_of_its_frame_turned_or_not(
     frame, tmp_path: Path, shell
 ) -> None:
     (entry,) = shell.json("segment", frame, "--out", tmp_path)["frames"]
@@ -50,6 +50,9 @@ def test_a_mask_has_the_size_and_the_name_of_its_frame(
     mask = pixels(tmp_path / "0001.png")
     assert mask.shape == pixels(frame).shape
     assert set(np.unique(mask)) == {0, 255}
+    cv2.imwrite(str(tmp_path / "turned.png"), pixels(frame).T)
+    shell.run("segment", tmp_path / "turned.png", "--transpose --out", tmp_path / "t")
+    np.testing.assert_array_equal(pixels(tmp_path / "t" / "turned.png").T, mask)
 
 
 def test_a_recording_means_all_its_frames_and_several_get_a_folder_each(
@@ -88,6 +91,10 @@ def test_a_mask_that_is_there_and_differs_is_kept_unless_forced(
     shell.run("segment", frame, "--out", tmp_path, "--force")
     shell.run("segment", frame, "--out", tmp_path)  # the same mask again
     assert [path.name for path in tmp_path.iterdir()] == ["0001.png"]
+    before = frame.read_bytes()
+    again = shell.refused("segment", frame, "--force --out", frame.parent)
+    assert "would replace a frame" in again
+    assert frame.read_bytes() == before
 
 
 @pytest.fixture
@@ -115,27 +122,6 @@ def test_a_frame_has_a_mask_or_a_guess_and_never_both(
     assert contents(out) == before
     shell.run("segment", dark, "--force --out", out)
     assert [path.name for path in out.iterdir()] == ["dark.png"]
-
-
-def test_a_mask_never_replaces_a_frame(frame, shell) -> None:
-    before = frame.read_bytes()
-    assert "would replace a frame" in shell.refused(
-        "segment", frame, "--out", frame.parent, "--force"
-    )
-    assert frame.read_bytes() == before
-
-
-def test_a_transposed_frame_gives_the_transposed_mask(
-    frame, tmp_path: Path, shell
-) -> None:
-    cv2.imwrite(str(tmp_path / "turned.png"), pixels(frame).T)
-    shell.run("segment", frame, "--out", tmp_path / "a")
-    shell.run(
-        "segment", tmp_path / "turned.png", "--out", tmp_path / "b", "--transpose"
-    )
-    np.testing.assert_array_equal(
-        pixels(tmp_path / "b" / "turned.png").T, pixels(tmp_path / "a" / "0001.png")
-    )
 
 
 def test_a_scale_that_nothing_states_is_assumed_and_noted(
