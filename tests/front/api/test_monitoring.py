@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from analytic_frames import GAP_M, IOP_PA, SCALE, image, tip_of, wall_section
+from analytic_frames import GAP_M, IOP_PA, SCALE, frame_under
 from commands import PACED, monitor_folder
 from small_monitor import Peer
 from waiting import FUSE_S, HANGS_S, alive, wait_until
@@ -82,7 +82,7 @@ def test_a_robot_meets_the_monitor_of_the_command_and_it_ends_with_a_block_that_
         black_box=tmp_path / "box",
     )
 
-    frame = image(wall_section(tip_of(8e-3)))[None]
+    frame = frame_under(8e-3)[None]
     met = list[RunningMonitor]()
 
     def meet() -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import tifffile
-from analytic_frames import image, tip_of, wall_section
+from analytic_frames import SIZE, frame_under
 from effects import contents
 from foreign_files import FRAMES, write_log, write_table
 from small_models import force_reader
@@ -20,8 +20,7 @@ import scleraforce as sf
 from scleraforce.base.units import to_si
 from scleraforce.front.api.calibrating import library_for
 
-FRAME = image(wall_section(tip_of(0.020)))
-SIZE = {"width_m": 15e-3, "depth_m": 4e-3}
+FRAME = frame_under(0.020)
 
 
 @pytest.mark.parametrize(

@@ -14,11 +14,11 @@ import tifffile
 from analytic_frames import (
     GAP_M,
     IOP_PA,
+    KNOWN_EYE,
     MODULUS_PA,
+    SIZE,
     THICKNESS_M,
-    image,
-    tip_of,
-    wall_section,
+    frame_under,
 )
 from foreign_files import FRAMES
 from small_models import force_reader
@@ -35,16 +35,10 @@ from scleraforce.records.eye import NO_DISCREPANCY
 from scleraforce.records.model_folder import SHIPPED_READER
 from scleraforce.records.setup import Setup
 
-FRAME = image(wall_section(tip_of(0.020)))
-EYE: dict[str, Any] = {
-    "youngs_modulus_pa": MODULUS_PA,
-    "iop_pa": IOP_PA,
-    "thickness_m": THICKNESS_M,
-    "globe": "open",
-}
+FRAME = frame_under(0.020)
 NEEDLE: dict[str, Any] = {"gap_m": GAP_M}
-SCAN: dict[str, Any] = {"width_m": 15e-3, "depth_m": 4e-3, "refractive_index": 1.02}
-SHORT = EYE | NEEDLE | SCAN
+SCAN = SIZE | {"refractive_index": 1.02}
+SHORT = KNOWN_EYE | NEEDLE | SCAN
 OPEN_EYE = sf.Eye(
     modulus=sf.Modulus.stated(MODULUS_PA),
     iop_pa=IOP_PA,
@@ -83,8 +77,8 @@ def short_answer() -> dict[str, Any]:
     "records",
     [
         {"eye": OPEN_EYE, **NEEDLE, **SCAN},
-        {"needle": sf.Needle(**NEEDLE), **EYE, **SCAN},
-        {"scan": sf.Scan(**SCAN), **EYE, **NEEDLE},
+        {"needle": sf.Needle(**NEEDLE), **KNOWN_EYE, **SCAN},
+        {"scan": sf.Scan(**SCAN), **KNOWN_EYE, **NEEDLE},
         {"frame": sf.Frame(FRAME), **SHORT},
         {"frame": [sf.Frame(FRAME)], **SHORT},
         {"frame": sf.Moment((sf.Frame(FRAME),)), **SHORT},
@@ -355,11 +349,11 @@ def test_a_leak_stays_with_a_calibrated_globe() -> None:
     ("ask", "words"),
     [
         (
-            lambda: read(scan=sf.Scan(rows=17, **SCAN), **EYE),
+            lambda: read(scan=sf.Scan(rows=17, **SCAN), **KNOWN_EYE),
             "frame: rows: .*; the scan declares 17",
         ),
         (
-            lambda: read(scan=sf.Scan(bits=1, **SCAN), **EYE),
+            lambda: read(scan=sf.Scan(bits=1, **SCAN), **KNOWN_EYE),
             "frame: bits: a pixel of .*; the scan declares 1 bits",
         ),
         (

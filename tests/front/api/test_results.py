@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 import pytest
-from analytic_frames import KNOWN, SCALE, image, tip_of, wall_section
+from analytic_frames import GAP_M, KNOWN_EYE, SCALE, SIZE, frame_under
 from page_markup import Markup
 from small_models import force_reader
 from small_recordings import write_pushes
@@ -17,24 +17,12 @@ from scleraforce.calibration.calibration import Calibration
 from scleraforce.reading.answer import Answer, Answers
 from scleraforce.wall.wall_in_metres import segmented_boundaries
 
-FRAMES = np.stack([image(wall_section(tip_of(force_n))) for force_n in (0.010, 0.020)])
-assert KNOWN.eye.modulus is not None
-EYE = {
-    "youngs_modulus_pa": KNOWN.eye.modulus.mean_pa,
-    "iop_pa": KNOWN.eye.iop_pa,
-    "thickness_m": KNOWN.eye.thickness_m,
-    "gap_m": KNOWN.needle.gap_m,
-    "globe": "open",
-    "width_m": 15e-3,
-    "depth_m": 4e-3,
-}
+FRAMES = np.stack([frame_under(force_n) for force_n in (0.010, 0.020)])
+EYE = KNOWN_EYE | SIZE | {"gap_m": GAP_M}
 
 
 def read(frame: object, **given: object) -> Answer:
     return sf.read(force_reader(), frame, **{**EYE, **given})  # type: ignore[call-overload,no-any-return]
-
-
-SIZE = {"width_m": 15e-3, "depth_m": 4e-3}
 
 
 def test_a_stack_is_read_as_its_frames_are_one_by_one() -> None:
