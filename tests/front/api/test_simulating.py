@@ -14,8 +14,10 @@ from scleraforce.records.eye import NO_DISCREPANCY
 from scleraforce.records.globe import UNKNOWN
 from scleraforce.records.setup import Setup, completed_by_study
 
-COARSE = sf.parse_study("[mesh]\ndivisions = 6")
-SMALL = sf.parse_study("[mesh]\ndivisions = 6\n[oct]\ncolumns = 64\nrows = 48")
+COARSE = sf.parse_study("[mesh]\ndivisions = 4\nlevel = 0")
+SMALL = sf.parse_study(
+    "[mesh]\ndivisions = 4\nlevel = 0\n[oct]\ncolumns = 64\nrows = 48"
+)
 WALL: dict[str, Any] = {"thickness_m": 600e-6}
 
 
