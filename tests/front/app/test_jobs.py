@@ -261,7 +261,13 @@ time.sleep(600)
 
 
 @pytest.fixture
-def same(served: Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shell):
+def same(
+    served: Client,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    shell,
+    undrawn,  # noqa: ARG001 - the worker draws the picture of an import
+):
     """Run a job, and the command that it shows, with another output; assert that both
     give the same, and return what is kept.
     """

@@ -113,7 +113,7 @@ def pushed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """
     recording = sf.phantom(
         tmp_path_factory.mktemp("pushed") / "r",
-        sf.parse_study("[mesh]\ncore = 4\nrings = 8\n"),
+        sf.parse_study("[mesh]\ncore = 2\nrings = 6\n"),
         eye="eye",
         thickness_m=650e-6,
         youngs_modulus_pa=0.3e6,

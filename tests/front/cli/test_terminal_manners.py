@@ -168,7 +168,7 @@ def test_a_command_that_cannot_begin_prints_one_line_with_any_option(
 
 @pytest.mark.parametrize(
     ("encoding", "sheet"),
-    [("cp932", []), ("ascii", []), ("cp437", ["--sheet", "s.png"])],
+    [("ascii", []), ("cp932", ["--sheet", "s.png"])],
 )
 def test_a_process_prints_in_any_encoding_and_draws_without_jupyters_backend(
     here: Path, encoding: str, sheet: list[str], tmp_path: Path
