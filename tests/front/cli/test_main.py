@@ -275,15 +275,6 @@ def test_a_failed_finding_ends_doctor_with_code_1(
     assert {"scleraforce", "python", "system", "seconds"} <= result.keys()
 
 
-@pytest.mark.slow
-def test_this_installation_is_well(shell) -> None:
-    states = {
-        finding["name"]: finding["state"]
-        for finding in shell.json("doctor")["findings"]
-    }
-    assert states["packages"] == states["a solve"] == states["a reading"] == "ok"
-
-
 def test_a_stage_is_a_line_with_its_time_in_a_pipe_unless_it_is_interrupted(
     capsys,
 ) -> None:

@@ -270,15 +270,12 @@ def test_below_a_picture_are_the_measured_and_the_read_force_and_misread_ones_ar
         replace(look, answer=changed(look.answer, **each))
         for look, each in zip(looks, said, strict=True)
     ]
-    answered = [look.answer for look in looks]
-    html = write_and_read(tmp_path, evaluation_of(answered), looks)
+    answered = evaluation_of(look.answer for look in looks)
+    html = write_and_read(tmp_path, answered, looks)
     assert html.count('<figure class="marked">') == 1
     assert "measured 20.0 mN (class 1); read 31.0 mN (29.0 to 33.0; class 2)" in html
     assert "not usable: no wall found" in html
     assert "not measured; read class 0" in html
-    assert "All 3 frames are shown." in html
-    html = write_and_read(tmp_path, evaluation_of([*answered, *many(98)]), looks)
-    assert "3 of the 101 frames are shown" in html
 
 
 NAMES = [
