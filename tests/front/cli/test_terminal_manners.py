@@ -100,12 +100,6 @@ def here(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(folder)
     monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
     monkeypatch.setenv("COLUMNS", "80")
-    monkeypatch.setattr(
-        library_store,
-        "build_library",
-        lambda *_, **__: library_store.LibraryBuild(144, 144, 1.0),
-    )
-
     return folder
 
 
@@ -133,10 +127,12 @@ def test_every_command_explains_itself_within_80_columns(shell, name: str) -> No
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=marks_of(n)) for n in RUNS])
 def test_a_command_is_readable_in_a_pipe_one_object_with_json_and_silent_with_quiet(
-    here: Path, name: str, tmp_path, shell
+    here: Path, name: str, tmp_path, shell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if name in SLOW and not (here / "dataset").exists():
         write_stores(here)
+    built = library_store.LibraryBuild(144, 144, 1.0)
+    monkeypatch.setattr(library_store, "build_library", lambda *_, **__: built)
     out, err = shell.run(*words(name, tmp_path))
     assert out
     assert not CONTROL.search(out + err)
