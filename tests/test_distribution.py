@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 import rattler_build
 import yaml
-from analytic_frames import image, tip_of, wall_section
+from analytic_frames import frame_under
 from effects import cache_of_its_own, fresh_home
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
@@ -132,7 +132,7 @@ def test_two_commands_in_a_clean_environment_answer_a_first_frame(
         locked,
         wheel,
     )
-    cv2.imwrite(str(tmp_path / "1.png"), image(wall_section(tip_of(0.020))))
+    cv2.imwrite(str(tmp_path / "1.png"), frame_under(0.020))
 
     for line in ("read default 1.png --width-mm 15 --depth-mm 4", "init study"):
         run(

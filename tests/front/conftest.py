@@ -51,5 +51,13 @@ class Shell:
 
 
 @pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out the picture of an imported recording: it takes most of the time."""
+    report = "scleraforce.front.report"
+    monkeypatch.setattr(f"{report}.recording_figures.draw_recording", lambda _: None)
+    monkeypatch.setattr(f"{report}.figure_files.write_figure", lambda *_: None)
+
+
+@pytest.fixture
 def shell(capsys: pytest.CaptureFixture[str]) -> Shell:
     return Shell(capsys)

@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import cache
 from math import exp, log, pi
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -53,6 +54,14 @@ KNOWN = Setup(
     ),
     needle=Needle(gap_m=GAP_M),
 )
+# the same as keywords of the public functions, and the size of the frames
+KNOWN_EYE: dict[str, Any] = {
+    "youngs_modulus_pa": MODULUS_PA,
+    "iop_pa": IOP_PA,
+    "thickness_m": THICKNESS_M,
+    "globe": "open",
+}
+SIZE: dict[str, Any] = {"width_m": 15e-3, "depth_m": 4e-3}
 
 
 def tip_of(force_n: float) -> float:

@@ -1,7 +1,7 @@
 """Small recordings, their answers and their calibrations."""
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from shutil import copytree
@@ -10,6 +10,7 @@ from typing import Any
 import analytic_frames
 import cv2
 import numpy as np
+import pytest
 from analytic_frames import (
     GAP_M,
     IOP_PA,
@@ -34,9 +35,9 @@ from scleraforce.calibration.evaluation import Evaluation, FrameAnswer
 from scleraforce.calibration.filter.eye_filter import begin
 from scleraforce.calibration.stiffness_from_forces import KnownForce
 from scleraforce.front.report.frame_figures import AnsweredFrame, answered_frames
-from scleraforce.lab.training.slice_dataset import generate_dataset
+from scleraforce.lab.training import slice_dataset
 from scleraforce.lab.virtual_recording import plan_phantom, write_phantom
-from scleraforce.library.library_store import cached_library
+from scleraforce.library import library_store
 from scleraforce.reading.answer import Answer
 from scleraforce.recordings.formats.image_files import read_frame
 from scleraforce.recordings.recording_folder import read_recording
@@ -431,23 +432,45 @@ VIRTUAL_EYE = Setup(
 )
 
 
+def write_eye_and_reader(folder: Path) -> None:
+    """Write study.toml, eye-a and reader."""
+    (folder / "study.toml").write_text(NOTEBOOK_STUDY)
+    write_pushes(folder / "eye-a", forces_mn=(10.0, 20.0, 40.0))
+    write_fixed_reader(
+        folder / "reader", analytic_frames.SMALL_LIBRARY, [0.0, 1.0] + [0.0] * 14
+    )
+
+
+def in_this_process(
+    prepare: Callable[[], Callable[[int], Any]], units: Iterable[int], _workers: int
+) -> Iterator[tuple[int, Any]]:
+    """`work_units` without a process, which takes a second to start."""
+    work = prepare()
+    for unit in units:
+        yield unit, work(unit)
+
+
 def write_notebook_folder(folder: Path) -> None:
     """Write study.toml, eye-a, responses, dataset and reader; below `cache`, the
     library of the study for the user.
     """
-    (folder / "study.toml").write_text(NOTEBOOK_STUDY)
+    write_eye_and_reader(folder)
+    write_stores(folder)
+
+
+def write_stores(folder: Path) -> None:
+    """Write responses, dataset and the user's library to a folder with study.toml."""
     study = read_study(folder / "study.toml")
-    plan = plan_phantom(VIRTUAL_EYE, (0.010, 0.020, 0.040), study, seed=0)
-    write_phantom(folder / "eye-a", plan, _sections, study)
     cache = folder / "cache" / "scleraforce" / "libraries"
-    cached_library(study, folder=cache, workers=1, solve=solve_analytic)
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (library_store, slice_dataset):
+            patch.setattr(module, "work_units", in_this_process)
+        library_store.cached_library(study, folder=cache, solve=solve_analytic)
+        slice_dataset.generate_dataset(
+            study, folder / "dataset", library=analytic_frames.LIBRARY
+        )
+
     copytree(next(cache.glob("*.zarr")), folder / "responses")
-    generate_dataset(
-        study, folder / "dataset", library=analytic_frames.LIBRARY, workers=1
-    )
-    write_fixed_reader(
-        folder / "reader", analytic_frames.SMALL_LIBRARY, [0.0, 1.0] + [0.0] * 14
-    )
 
 
 # one push each, at random: rising, falling, near and far from another

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from analytic_frames import GAP_M, IOP_PA, SCALE, image, tip_of, wall_section
+from analytic_frames import GAP_M, IOP_PA, SCALE, frame_under
 from commands import PACED, monitor_folder
 from small_monitor import Peer
 from waiting import FUSE_S, HANGS_S, alive, wait_until
@@ -33,7 +33,7 @@ from scleraforce.live.companions.process_channel import decode_message, encode_m
 from scleraforce.live.companions.process_messages import OpinionSettings
 from scleraforce.live.companions.shared_frames import RingPlace
 from scleraforce.live.decision.events import Cause
-from scleraforce.live.monitor_request import MonitorRequest
+from scleraforce.live.monitor_request import MonitorRequest, Refused
 from scleraforce.live.network.openigtlink import Image
 from scleraforce.records.eye import NO_DISCREPANCY
 from scleraforce.records.fields import QUANTITIES
@@ -67,72 +67,56 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.usefixtures("patient")
-def test_a_robot_meets_the_monitor_of_the_command_and_it_ends_with_the_block(
+def test_a_robot_meets_the_monitor_of_the_command_and_it_ends_with_a_block_that_fails(
     folder: Path, tmp_path: Path
 ) -> None:
-    given = {
-        "calibration": folder / "calibration.json",
-        "eye": "mine",
-        "iop_pa": IOP_PA,
-        "gap_m": GAP_M,
-    }
     meets = sf.monitor(
         folder / "reader",
-        **given,
+        calibration=folder / "calibration.json",
+        eye="mein",
+        iop_pa=IOP_PA,
+        gap_m=GAP_M,
         globe="open",
+        needle=sf.Needle(diameter_m=0.9e-3),
         second_opinion=False,
         black_box=tmp_path / "box",
     )
 
-    with meets as running, Peer(running.port, version=2) as robot:
-        assert f"gap {1e3 * GAP_M:.2f} mm" in "".join(running.lines)
-        robot.hear(lambda peer: bool(peer.statuses()))
-        assert robot.statuses()[0].code == 13
-        robot.say(Image(image(wall_section(tip_of(8e-3)))[None], MATRIX), message_id=1)
-        robot.hear(lambda peer: peer.statuses()[-1].code != 13)
-        assert running.reset()[1]
-        assert not replace(running, token="wrong").reset()[0]
+    frame = frame_under(8e-3)[None]
+    met = list[RunningMonitor]()
 
+    def meet() -> None:
+        with meets as running, Peer(running.port, version=2) as robot:
+            met.append(running)
+            assert f"gap {1e3 * GAP_M:.2f} mm" in "".join(running.lines)
+            robot.hear(lambda peer: bool(peer.statuses()))
+            assert robot.statuses()[0].code == 13
+            robot.say(Image(frame, MATRIX), message_id=1)
+            robot.hear(lambda peer: peer.statuses()[-1].code != 13)
+            assert running.reset()[1]
+            assert not replace(running, token="wrong").reset()[0]
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        meet()
+
+    (running,) = met
     assert running.summary["frames"] >= 1
     assert running.lines[-1].startswith("ended after")
-    assert (tmp_path / "box" / "log").is_dir()
-
     with (
         pytest.raises(ConnectionRefusedError),
         socket.create_connection((running.host, running.port)),
     ):
         pass
 
-
-@pytest.mark.parametrize(
-    ("model", "given", "words"),
-    [
-        ("./gone", {}, "gone"),
-        ("default", {"iop_pa": -5.0}, "iop_pa: -5 is below"),
-        ("default", {"globe": "shut"}, "shut"),
-    ],
-)
-def test_a_monitor_that_cannot_start_is_one_clear_line(
-    model: str, given: dict[str, Any], words: str
-) -> None:
-    with pytest.raises(InputError, match=words) as fault, sf.monitor(model, **given):
-        pass
-    assert "\n" not in str(fault.value)
-
-
-@pytest.mark.usefixtures("patient")
-def test_a_block_that_fails_ends_its_monitor(folder: Path) -> None:
-    seen = []
-
-    def fail() -> None:
-        with sf.monitor(folder / "reader", second_opinion=False) as running:
-            seen.append(running)
-            raise ZeroDivisionError
-
-    with pytest.raises(ZeroDivisionError):
-        fail()
-
-    assert seen[0].lines[-1].startswith("ended after")
+    remarks = running.remarks
+    codes = [remark.code for remark in remarks]
+    assert codes == ["population-modulus", "outside-training"]
+    lines = [line for line in running.lines if line.startswith("warning")]
+    assert lines == [f"warning    {remark.words}" for remark in remarks]
+    log = [part.record for part in read_log(tmp_path / "box" / "log") if part.record]
+    notes = [record["text"] for record in log if record["kind"] == "note"]
+    assert {f"{remark.code}: {remark}" for remark in remarks} <= {*notes}
 
 
 @pytest.mark.usefixtures("patient")
@@ -165,12 +149,10 @@ def test_a_block_ends_with_its_monitor_though_a_client_stays(
 ASKED = """
 import sys
 from multiprocessing.connection import Connection
-from scleraforce.live.monitor_request import Refused
 
 link = Connection(int(sys.argv[1]))
-request = link.recv()
-open({file!r}, "wb").write(__import__("pickle").dumps(request))
-link.send(Refused("far enough"))
+open({file!r}, "wb").write(link.recv_bytes())
+link.send_bytes({refusal!r})
 """
 
 
@@ -178,7 +160,8 @@ link.send(Refused("far enough"))
 def asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Any]:
     """Return the request that reaches the process of a monitor."""
     file = tmp_path / "request"
-    code = ASKED.format(file=str(file))
+    refusal = pickle.dumps(Refused("far enough"))
+    code = ASKED.format(file=str(file), refusal=refusal)
     monkeypatch.setattr(monitoring, "COMMAND", (sys.executable, "-P", "-c", code))
 
     def ask(*given: Any, **named: Any) -> MonitorRequest:
@@ -333,6 +316,12 @@ child.main()
 """
 
 
+def test_a_monitor_that_cannot_start_is_one_clear_line() -> None:
+    with pytest.raises(InputError, match="gone") as fault, sf.monitor("./gone"):
+        pass
+    assert "\n" not in str(fault.value)
+
+
 @pytest.mark.parametrize(
     ("code", "words"),
     [
@@ -371,7 +360,7 @@ with sf.monitor(sys.argv[1], second_opinion=False, black_box=sys.argv[2]) as run
     ("await_start", "then"),
     [
         ("time.sleep(3600)", ""),
-        ("await_start(link, process, running)", ""),
+        pytest.param("await_start(link, process, running)", "", marks=pytest.mark.slow),
         (
             "await_start(link, process, running)",
             "os.fork() or (os.close(1), time.sleep(3600))",
@@ -413,29 +402,6 @@ def test_a_monitor_ends_in_order_when_its_program_is_killed(
         ]
         assert texts
         assert not any("without notice" in text for text in texts)
-
-
-@pytest.mark.usefixtures("patient")
-def test_remarks_reach_lines_log_and_data_alike(folder: Path, tmp_path: Path) -> None:
-    with sf.monitor(
-        folder / "reader",
-        calibration=folder / "calibration.json",
-        eye="mein",
-        iop_pa=IOP_PA,
-        width_m=6e-3,
-        needle=sf.Needle(diameter_m=0.9e-3),
-        second_opinion=False,
-        black_box=tmp_path / "box",
-    ) as running:
-        remarks = running.remarks
-
-    codes = ["population-modulus", "outside-training", "outside-training"]
-    assert [remark.code for remark in remarks] == codes
-    lines = [line for line in running.lines if line.startswith("warning")]
-    assert lines == [f"warning    {remark.words}" for remark in remarks]
-    log = [part.record for part in read_log(tmp_path / "box" / "log") if part.record]
-    notes = [record["text"] for record in log if record["kind"] == "note"]
-    assert [f"{remark.code}: {remark}" for remark in remarks] == notes[1:4]
 
 
 BUSY_LOOPS = 2 * len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 0

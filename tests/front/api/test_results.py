@@ -3,14 +3,13 @@ a frame.
 """
 
 import json
-import sys
 
 import numpy as np
 import pytest
-from analytic_frames import KNOWN, SCALE, image, tip_of, wall_section
+from analytic_frames import GAP_M, KNOWN_EYE, SCALE, SIZE, frame_under
 from page_markup import Markup
 from small_models import force_reader
-from small_recordings import write_notebook_folder
+from small_recordings import write_pushes
 
 import scleraforce as sf
 from scleraforce.base.errors import FrameError, InputError
@@ -18,24 +17,12 @@ from scleraforce.calibration.calibration import Calibration
 from scleraforce.reading.answer import Answer, Answers
 from scleraforce.wall.wall_in_metres import segmented_boundaries
 
-FRAMES = np.stack([image(wall_section(tip_of(force_n))) for force_n in (0.010, 0.020)])
-assert KNOWN.eye.modulus is not None
-EYE = {
-    "youngs_modulus_pa": KNOWN.eye.modulus.mean_pa,
-    "iop_pa": KNOWN.eye.iop_pa,
-    "thickness_m": KNOWN.eye.thickness_m,
-    "gap_m": KNOWN.needle.gap_m,
-    "globe": "open",
-    "width_m": 15e-3,
-    "depth_m": 4e-3,
-}
+FRAMES = np.stack([frame_under(force_n) for force_n in (0.010, 0.020)])
+EYE = KNOWN_EYE | SIZE | {"gap_m": GAP_M}
 
 
 def read(frame: object, **given: object) -> Answer:
     return sf.read(force_reader(), frame, **{**EYE, **given})  # type: ignore[call-overload,no-any-return]
-
-
-SIZE = {"width_m": 15e-3, "depth_m": 4e-3}
 
 
 def test_a_stack_is_read_as_its_frames_are_one_by_one() -> None:
@@ -133,7 +120,7 @@ def test_results_become_plain_types_and_tables() -> None:
 
 def test_an_evaluation_and_a_calibration_become_tables(tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
-    write_notebook_folder(tmp_path)
+    write_pushes(tmp_path / "eye-a", forces_mn=(10.0, 20.0, 40.0))
     found = sf.evaluate(force_reader(), ["eye-a"])
     table = found.to_dataframe()
     files = [frame.file for frame in found.frames]
@@ -174,16 +161,6 @@ def test_jupyter_shows_frame_wall_force_and_interval() -> None:
     assert_is_html(read(FRAMES)._repr_html_(), "frame 1")
     named = Calibration({}, "<b>", (5e-3, 30e-3), "<script>")
     assert "<script>" not in named._repr_html_()
-
-
-@pytest.mark.parametrize(
-    ("name", "call"), [("pandas", "to_dataframe"), ("xarray", "to_xarray")]
-)
-def test_a_missing_package_is_named_with_its_extra(monkeypatch, name, call) -> None:
-    monkeypatch.setitem(sys.modules, name, None)
-    remedy = r"pip install 'scleraforce\[tables\]'"
-    with pytest.raises(InputError, match=f"{name}, which is not installed: {remedy}"):
-        getattr(read(FRAMES[:1]), call)()
 
 
 def assert_is_html(text: str, words: str) -> None:

@@ -3,7 +3,6 @@ where nothing is declared.
 """
 
 import json
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +10,14 @@ import numpy as np
 import pytest
 
 import scleraforce as sf
-from scleraforce.front.api.progress import Bars
 from scleraforce.records.eye import NO_DISCREPANCY
 from scleraforce.records.globe import UNKNOWN
 from scleraforce.records.setup import Setup, completed_by_study
 
-COARSE = sf.parse_study("[mesh]\ndivisions = 6")
-SMALL = sf.parse_study("[mesh]\ndivisions = 6\n[oct]\ncolumns = 64\nrows = 48")
+COARSE = sf.parse_study("[mesh]\ndivisions = 4\nlevel = 0")
+SMALL = sf.parse_study(
+    "[mesh]\ndivisions = 4\nlevel = 0\n[oct]\ncolumns = 64\nrows = 48"
+)
 WALL: dict[str, Any] = {"thickness_m": 600e-6}
 
 
@@ -122,14 +122,3 @@ def test_a_needle_that_moves_and_a_plane_that_is_turned_are_recorded(
     assert (info.scan.direction_rad, info.scan.tilt_rad) == (0.3, 0.05)
     assert (truth["seed"], truth["eye"]["azimuth_rad"]) == (4, 0.2)
     assert truth["path"]["forces_n"]
-
-
-def test_bars_count_the_load_path_and_the_frames(tmp_path: Path) -> None:
-    counted: dict[str, int] = {}
-
-    def bar(title: str, total: int) -> Any:
-        counted[title] = total
-        return nullcontext(lambda _: None)
-
-    sf.phantom(tmp_path / "eye", SMALL, forces_n=[0.004], **WALL, progress=Bars(bar))
-    assert counted == {"load path": 100, "frames": 1}

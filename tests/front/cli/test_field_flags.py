@@ -63,5 +63,3 @@ def test_texts_in_json_are_translated_and_keys_and_numbers_are_not() -> None:
 def test_errors_are_printed_with_flags_and_names_of_files_as_they_are(shell) -> None:
     error = shell.refused("segment '`rows`.png' --out new")
     assert error.startswith("error: `rows`.png: ")
-    error = shell.refused("simulate --thickness-um 500")
-    assert "give either --force-mn or --displacement-mm" in error

@@ -14,12 +14,10 @@ from threading import Event
 from types import SimpleNamespace
 
 import click
-import cv2
 import numpy as np
 import pytest
 from analytic_frames import recording_toml, write_one_frame
 from effects import SCLERAFORCE
-from foreign_files import FRAMES
 from waiting import FUSE_S, ends, wait_until
 
 import scleraforce as sf
@@ -198,7 +196,7 @@ def test_a_reader_that_leaves_early_gets_no_traceback() -> None:
 
 def test_an_import_that_is_ended_leaves_nothing(tmp_path: Path) -> None:
     # of noise: to write them takes seven times as long as to begin
-    many = (200, 512, 512)
+    many = (100, 512, 512)
     noise = np.random.default_rng(0).integers(0, 2**16, many, np.uint16)
     np.save(tmp_path / "a.npy", noise)
     given = f"{STATED} --axes frame,depth,lateral --rate-hz 1"
@@ -236,7 +234,7 @@ def test_an_interruption_inside_a_library_is_not_an_internal_fault(
     assert capsys.readouterr().err == "error: interrupted\n"
 
 
-def test_bash_completes_commands_options_and_choices(tmp_path: Path) -> None:
+def test_bash_completes_commands_and_choices(tmp_path: Path) -> None:
     command = tmp_path / "scleraforce"
     script = tmp_path / "completion"
     command.write_text(
@@ -253,29 +251,12 @@ def test_bash_completes_commands_options_and_choices(tmp_path: Path) -> None:
 
     script.write_text(said("scleraforce", _SCLERAFORCE_COMPLETE="bash_source"))
     for line, offered in (
-        ('scleraforce ""', {"read", "monitor", "app"}),
-        ("scleraforce evaluate default --", {"--json", "--quiet", "--html"}),
+        ("scleraforce mon", {"monitor", "monitor-reset"}),
         ("scleraforce init --preset l", {"living"}),
     ):
         asked = f"""source {script}; COMP_WORDS=({line}); COMP_CWORD=$((${{#COMP_WORDS[@]}} - 1))
             _scleraforce_completion scleraforce; echo "${{COMPREPLY[@]}}\""""
         assert offered <= set(said("bash", "-c", asked).split())
-
-
-def test_jupyters_backend_does_not_reach_a_command_that_draws(tmp_path: Path) -> None:
-    """Matplotlib refuses module://matplotlib_inline.backend_inline at its import where
-    Jupyter is not installed.
-    """
-    cv2.imwrite(str(tmp_path / "a.png"), FRAMES[0])
-    given = f"a.png --out i {STATED}".split()
-    environment = os.environ | {"MPLBACKEND": "refused"}
-    subprocess.run(
-        [*SCLERAFORCE, "import", *given],
-        cwd=tmp_path,
-        env=environment,
-        check=True,
-        timeout=FUSE_S,
-    )
 
 
 def test_a_failed_finding_ends_doctor_with_code_1(
@@ -292,15 +273,6 @@ def test_a_failed_finding_ends_doctor_with_code_1(
     assert not result["ok"]
     assert result["findings"][-1] == vars(found[-1])
     assert {"scleraforce", "python", "system", "seconds"} <= result.keys()
-
-
-@pytest.mark.slow
-def test_this_installation_is_well(shell) -> None:
-    states = {
-        finding["name"]: finding["state"]
-        for finding in shell.json("doctor")["findings"]
-    }
-    assert states["packages"] == states["a solve"] == states["a reading"] == "ok"
 
 
 def test_a_stage_is_a_line_with_its_time_in_a_pipe_unless_it_is_interrupted(

@@ -255,6 +255,8 @@ def refused(folder: Path, monkeypatch: pytest.MonkeyPatch, shell):
         ("--thickness-um 2000", "wall thickness 2000"),
         ("--rigidity 0.03", "--rigidity: of a sealed globe"),
         ("--record box", "the folder of the black box is there"),
+        ("--record .", "exists already"),
+        ("--record calibration.json/session", ": Not a directory"),
         ("--black-box calibration.json/box", "calibration.json/box: Not a directory"),
         ("--eye 'a\nb'", "--eye: 'a\\nb' has a line break"),
         ("--eye '\x1b[2J'", "--eye: '\\x1b[2J' has a line break or another"),
@@ -291,17 +293,6 @@ def test_a_session_that_cannot_be_served_is_refused_in_one_line(
 def test_a_model_that_reads_single_planes_serves_no_others(shell) -> None:
     error = shell.refused("monitor paper --port 0", CROSS)
     assert error.startswith("error: --plane: ")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("place", "words"),
-    [(".", "exists already"), ("calibration.json/session", ": Not a directory")],
-)
-def test_a_session_that_cannot_be_recorded_is_refused_in_one_line(
-    refused, place: str, words: str
-) -> None:
-    assert words in refused("--record", place)
 
 
 def test_a_model_that_was_changed_never_starts(
@@ -405,26 +396,6 @@ def test_a_token_comes_from_standard_input_or_from_a_question(
     assert (asked, hidden) == (["123456", "c0ffee"], [True])
 
 
-def test_warnings_of_the_start_reach_the_operator_and_the_console(
-    folder: Path, tmp_path
-) -> None:
-    given = f"--calibration {folder}/calibration.json --eye mein --iop-mmhg 2"
-    options = f"--width-mm 6 --no-second-opinion --web-port 0 --black-box {tmp_path}"
-    with started(folder, *given.split(), *options.split()) as monitor:
-        warned = [line for line in monitor.lines if line.startswith("warning")]
-        assert monitor.process.stderr
-        said = iter(monitor.process.stderr.readline, "")
-        address = next(line.split()[1] for line in said if line.startswith("console"))
-        live = f"{address.replace('http', 'ws')}live"
-        with connect(live, origin=address.rstrip("/"), open_timeout=FUSE_S) as page:
-            hello = json.loads(page.recv(timeout=FUSE_S))
-
-    assert "mein is not in" in warned[0]
-    assert any("of the wall are visible; at least" in line for line in warned[1:])
-    shown = [f"warning    {remark['words']}\n" for remark in hello["remarks"]]
-    assert shown == warned
-
-
 def test_the_options_of_the_service_and_of_its_limits_reach_the_monitor(
     tmp_path: Path, monkeypatch, shell
 ) -> None:
@@ -468,7 +439,7 @@ def test_the_options_of_the_service_and_of_its_limits_reach_the_monitor(
 @pytest.mark.parametrize(
     "number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT]
 )
-def test_a_signal_ends_it_in_order_leaves_no_process_and_no_module_of_the_current_folder_has_run(
+def test_a_signal_ends_a_monitor_whose_warnings_its_console_shows_and_no_module_of_the_current_folder_has_run(
     folder: Path, tmp_path: Path, number: signal.Signals
 ) -> None:
     for name in (
@@ -485,15 +456,25 @@ def test_a_signal_ends_it_in_order_leaves_no_process_and_no_module_of_the_curren
             f"open({str(tmp_path / 'ran')!r}, 'a').write({name!r})\n"
         )
 
-    options = ["--black-box", str(tmp_path / "box"), "--web-port", "0"]
+    eye = f"--calibration {folder}/calibration.json --eye mein --iop-mmhg 2"
+    options = f"{eye} --width-mm 6 --black-box {tmp_path}/box --web-port 0"
     with (
-        started(folder, *options, here=tmp_path, script=PACED) as monitor,
+        started(folder, *options.split(), here=tmp_path, script=PACED) as monitor,
         Peer(monitor.port) as robot,
     ):
         assert monitor.process.stderr
-        lines = iter(monitor.process.stderr.readline, "")
+        said = iter(monitor.process.stderr.readline, "")
         # it has loaded all that it needs
-        assert any(line.startswith("console    http://127.0.0.1:") for line in lines)
+        address = next(line.split()[1] for line in said if line.startswith("console"))
+        live = f"{address.replace('http', 'ws')}live"
+        with connect(live, origin=address.rstrip("/"), open_timeout=FUSE_S) as page:
+            hello = json.loads(page.recv(timeout=FUSE_S))
+        warned = [line for line in monitor.lines if line.startswith("warning")]
+        assert "mein is not in" in warned[0]
+        assert "of the wall are visible; at least" in warned[1]
+        shown = [f"warning    {remark['words']}\n" for remark in hello["remarks"]]
+        assert shown == warned
+
         # it has been let in, not only queued by the system
         robot.hear(lambda peer: bool(peer.statuses()))
         children = children_of(monitor.process.pid)

@@ -13,10 +13,8 @@ from analytic_frames import (
     MODULUS_PA,
     SCALE,
     SMALL_LIBRARY,
-    image,
+    frame_under,
     recording_toml,
-    tip_of,
-    wall_section,
     write_one_frame,
 )
 from small_models import write_fixed_reader
@@ -119,9 +117,7 @@ STIFF = f'globe = "sealed"\n{K} = 0.03'
     ("stated", "options", "used"),
     [
         ("", "", [(None, "unknown")]),
-        ("", "--globe open", [("open", "option")]),
         (STIFF, "", [("sealed", "recording.toml"), (0.03, "recording.toml")]),
-        (STIFF, "--globe open", [("open", "option")]),
         (STIFF, "--globe closed", [("sealed", "option"), (0.03, "recording.toml")]),
         (
             STIFF,
@@ -143,7 +139,7 @@ def test_a_frame_has_the_pressure_at_its_dent_which_is_higher_in_a_sealed_eye(
     read, model, frame, state, shell
 ) -> None:
     # far from 30 mN, whatever the network reads
-    cv2.imwrite(str(frame), image(wall_section(tip_of(0.008))))
+    cv2.imwrite(str(frame), frame_under(0.008))
     vented, sealed, unknown = (
         read(frame, MODULUS, globe)
         for globe in ("--globe open", "--globe sealed --rigidity 0.03", "")
@@ -242,7 +238,7 @@ def test_a_frame_that_contradicts_its_recording_is_refused(read, frame) -> None:
 def test_bad_files_are_reported_and_the_others_are_answered(
     model, frame, tmp_path, shell
 ) -> None:
-    cv2.imwrite(str(frame), image(wall_section(tip_of(0.008))))
+    cv2.imwrite(str(frame), frame_under(0.008))
     empty = tmp_path / "empty.png"
     missing = tmp_path / ("x" * 300)
     pipe = tmp_path / "pipe.png"

@@ -1,6 +1,5 @@
 """`segment`: masks of frames and recordings, the scale that is used, and bad files."""
 
-import json
 from pathlib import Path
 
 import cv2
@@ -38,7 +37,7 @@ def pixels(path: Path) -> np.ndarray:
     return cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
 
 
-def test_a_mask_has_the_size_and_the_name_of_its_frame(
+def test_a_mask_has_the_size_and_the_name_of_its_frame_turned_or_not(
     frame, tmp_path: Path, shell
 ) -> None:
     (entry,) = shell.json("segment", frame, "--out", tmp_path)["frames"]
@@ -51,6 +50,9 @@ def test_a_mask_has_the_size_and_the_name_of_its_frame(
     mask = pixels(tmp_path / "0001.png")
     assert mask.shape == pixels(frame).shape
     assert set(np.unique(mask)) == {0, 255}
+    cv2.imwrite(str(tmp_path / "turned.png"), pixels(frame).T)
+    shell.run("segment", tmp_path / "turned.png", "--transpose --out", tmp_path / "t")
+    np.testing.assert_array_equal(pixels(tmp_path / "t" / "turned.png").T, mask)
 
 
 def test_a_recording_means_all_its_frames_and_several_get_a_folder_each(
@@ -89,6 +91,10 @@ def test_a_mask_that_is_there_and_differs_is_kept_unless_forced(
     shell.run("segment", frame, "--out", tmp_path, "--force")
     shell.run("segment", frame, "--out", tmp_path)  # the same mask again
     assert [path.name for path in tmp_path.iterdir()] == ["0001.png"]
+    before = frame.read_bytes()
+    again = shell.refused("segment", frame, "--force --out", frame.parent)
+    assert "would replace a frame" in again
+    assert frame.read_bytes() == before
 
 
 @pytest.fixture
@@ -118,27 +124,6 @@ def test_a_frame_has_a_mask_or_a_guess_and_never_both(
     assert [path.name for path in out.iterdir()] == ["dark.png"]
 
 
-def test_a_mask_never_replaces_a_frame(frame, shell) -> None:
-    before = frame.read_bytes()
-    assert "would replace a frame" in shell.refused(
-        "segment", frame, "--out", frame.parent, "--force"
-    )
-    assert frame.read_bytes() == before
-
-
-def test_a_transposed_frame_gives_the_transposed_mask(
-    frame, tmp_path: Path, shell
-) -> None:
-    cv2.imwrite(str(tmp_path / "turned.png"), pixels(frame).T)
-    shell.run("segment", frame, "--out", tmp_path / "a")
-    shell.run(
-        "segment", tmp_path / "turned.png", "--out", tmp_path / "b", "--transpose"
-    )
-    np.testing.assert_array_equal(
-        pixels(tmp_path / "b" / "turned.png").T, pixels(tmp_path / "a" / "0001.png")
-    )
-
-
 def test_a_scale_that_nothing_states_is_assumed_and_noted(
     frame, loose, tmp_path: Path, shell
 ) -> None:
@@ -155,30 +140,6 @@ def test_a_scale_that_nothing_states_is_assumed_and_noted(
     (note,) = shell.text(*sized).split("note: ")[1:]
     assert "refractive index (taken as 1; give --refractive-index)" in note
     assert not {"width", "depth"} & {*note.split()}
-
-
-def test_bad_files_are_reported_and_the_others_are_segmented(
-    frame, tmp_path: Path, shell
-) -> None:
-    empty = tmp_path / "empty.png"
-    tiny = tmp_path / "tiny.png"
-    long = tmp_path / ("x" * 300)
-    empty.touch()
-    cv2.imwrite(str(tiny), np.zeros((4, 4), np.uint8))
-    given = (empty, frame, long, tiny)
-    out, err = shell.run("segment", *given, "--json --out", tmp_path / "out", code=2)
-    entries = json.loads(out)["frames"]
-    assert [entry["file"] for entry in entries] == list(map(str, given))
-    for entry, path in zip(entries, given, strict=True):
-        assert entry["usable"] == ("error" not in entry) == (path == frame)
-    for line, path, words in zip(
-        err.splitlines(),
-        (empty, long, tiny),
-        ("an empty file; give", "File name too long", ""),
-        strict=True,
-    ):
-        assert line.startswith(f"error: {path}: {words}")
-    assert [path.name for path in (tmp_path / "out").iterdir()] == ["0001.png"]
 
 
 def test_a_sheet_shows_the_images_of_a_folder_and_needs_no_masks(

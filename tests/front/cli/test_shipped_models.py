@@ -34,13 +34,6 @@ def frame(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return write_one_frame(tmp_path / "session", recording_toml("mine"))
 
 
-def test_a_bundled_reader_reads_a_frame(frame: Path, shell) -> None:
-    (entry,) = shell.json("read default", frame, KNOWN)["frames"]
-    assert entry["usable"]
-    low_mn, high_mn = entry["interval_mn"]
-    assert low_mn < entry["predicted_force_mn"] < high_mn
-
-
 def test_the_bundled_reader_that_was_trained_for_an_eye_reads_it(
     frame: Path, shell
 ) -> None:
@@ -133,17 +126,14 @@ def test_a_folder_of_a_bundled_name_is_read_by_its_path_alone(
 
 
 @pytest.mark.usefixtures("forged")
-@pytest.mark.parametrize("bundled", SHIPPED)
-def test_every_function_takes_a_bundled_name_for_the_bundled_files(
-    bundled: str,
+def test_functions_and_commands_take_a_bundled_name_for_the_bundled_files(
+    shell,
 ) -> None:
-    for given in (bundled, Path(bundled)):
-        assert read_folder(given).path == SHIPPED[bundled]
-    assert read_folder(f"./{bundled}").path == Path(bundled).absolute()
+    for bundled in SHIPPED:
+        for given in (bundled, Path(bundled)):
+            assert read_folder(given).path == SHIPPED[bundled]
+        assert read_folder(f"./{bundled}").path == Path(bundled).absolute()
 
-
-@pytest.mark.usefixtures("forged")
-def test_every_command_takes_a_bundled_name_for_the_bundled_files(shell) -> None:
     assert shell.json("show", "default")["class_bounds_mn"] == [5, 30]
     assert shell.json("show", "./default")["class_bounds_mn"] == FORGED_MN
     described = shell.run("show", "default")[0]
@@ -181,9 +171,6 @@ def test_an_answer_of_several_planes_carries_its_model() -> None:
     "words",
     [
         "classify defualt session/frames/1.png",
-        "evaluate defualt session",
-        "monitor defualt",
-        "calibrate session --intervals defualt --out new",
         "segment session --wall-finder defualt --out masks",
     ],
 )

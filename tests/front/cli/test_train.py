@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from analytic_library import solve_analytic
 from effects import SCLERAFORCE
-from small_models import SMALL_STUDY, write_blind_finder
+from small_models import SMALL_STUDY
 from small_recordings import calibration_text
 from waiting import FUSE_S, LIMIT_S, wait_until
 
@@ -220,28 +220,10 @@ SIZE = "--width-mm 10 --depth-mm 4"
 
 
 @pytest.fixture(scope="module")
-def blind(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    pytest.importorskip("torch")
-    folder = tmp_path_factory.mktemp("models") / "blind"
-    write_blind_finder(folder)
-    return folder
-
-
-@pytest.fixture(scope="module")
 def frame(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("frames") / "scene.png"
     cv2.imwrite(str(path), draw_scene(SMALL_STUDY.scenes, 5).frame)
     return path
-
-
-def test_a_wall_finder_that_differs_makes_a_frame_unusable_and_the_reason_says_so(
-    blind, frame, tmp_path, shell
-) -> None:
-    given = ("segment", frame, SIZE, "--wall-finder", blind, "--out", tmp_path)
-    (entry,) = shell.json(*given)["frames"]
-    assert not entry["usable"]
-    assert "differ" in entry["reason"] or "the network sees no wall" in entry["reason"]
-    assert [path.name for path in tmp_path.iterdir()] == ["scene.guess.png"]
 
 
 def test_the_bundled_wall_finder_checks_the_wall_by_default_and_none_switches_it_off(

@@ -10,14 +10,12 @@ import numpy as np
 import pytest
 from analytic_frames import (
     GAP_M,
-    IOP_PA,
     KNOWN,
+    KNOWN_EYE,
     MODULUS_PA,
     SCALE,
-    THICKNESS_M,
-    image,
-    tip_of,
-    wall_section,
+    SIZE,
+    frame_under,
 )
 from scipy.ndimage import gaussian_filter1d
 from small_models import force_reader
@@ -34,16 +32,9 @@ from scleraforce.wall.wall_in_metres import given_wall, segmented_boundaries
 pytest.importorskip("torch")
 
 FORCE_N = 0.020
-FRAME = image(wall_section(tip_of(FORCE_N)))
+FRAME = frame_under(FORCE_N)
 FOUND = find_wall(FRAME, SCALE)
-EYE = {
-    "youngs_modulus_pa": MODULUS_PA,
-    "iop_pa": IOP_PA,
-    "thickness_m": THICKNESS_M,
-    "gap_m": GAP_M,
-    "globe": "open",
-}
-SIZE = {"width_m": 15e-3, "depth_m": 4e-3}
+EYE = KNOWN_EYE | {"gap_m": GAP_M}
 
 
 def test_the_mask_of_a_wall_gives_its_boundaries_and_thickness_back() -> None:

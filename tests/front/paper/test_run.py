@@ -280,21 +280,6 @@ def test_a_low_coverage_is_explained_by_the_error_of_the_log(tmp_path: Path) -> 
     assert _coverage(evaluation(tmp_path, "classifier", (None, None))) == {}
 
 
-def test_the_eye_with_the_least_coverage_is_named_with_its_common_error(
-    tmp_path: Path,
-) -> None:
-    read = evaluation(tmp_path, "reader", (12e-3, 24e-3))
-    calibrated = frame_answer(
-        eye="eye-1", calibration=True, measured_force_n=10.3e-3, true_force_n=10e-3
-    )
-    found = _coverage(replace(read, frames=(*read.frames, calibrated)))
-    words = (
-        "eye-1 is read +20.0 % off in the mean, after labels of +0.30 mN in the mean of"
-        " its calibration. "
-    )
-    assert found["worst"] == words
-
-
 @pytest.mark.slow
 def test_a_virtual_session_is_pushed_calibrated_read_and_shown(
     tmp_path: Path, shell

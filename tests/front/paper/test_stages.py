@@ -8,12 +8,8 @@ import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
-import cv2
-import numpy as np
 import pytest
-from chromium import in_chromium
 from effects import SCLERAFORCE, cache_of_its_own
-from playwright.sync_api import Browser
 
 COARSE = """
 [mesh]
@@ -191,13 +187,3 @@ def test_a_second_run_reuses_the_finished_stages(done, study: Path) -> None:
     kept = {name: again["seconds"][name] for name in reused}
     assert kept == {name: first["seconds"][name] for name in reused}
     assert again["confusion"] == first["confusion"]
-
-
-@in_chromium
-def test_a_browser_renders_the_page(done, browser: Browser) -> None:
-    page = browser.new_page(viewport={"width": 1200, "height": 3000})
-    page.goto((done[0] / "report.html").as_uri())
-    shown = cv2.imdecode(np.frombuffer(page.screenshot(), np.uint8), cv2.IMREAD_COLOR)
-    page.close()
-    assert shown.shape == (3000, 1200, 3)
-    assert 0.02 < (shown.mean(axis=2) < 128).mean() < 0.9

@@ -35,7 +35,6 @@ from figures.studies.conjunctiva import SCALE, drawn
 from scleraforce.base.errors import InputError
 from scleraforce.base.version import __version__
 from scleraforce.calibration.evaluation import Evaluation, FrameAnswer
-from scleraforce.front.api.reading_frames import finder_of, segmented_frame
 from scleraforce.front.report.described_paths import thing_at
 from scleraforce.front.report.figure_files import write_figure
 from scleraforce.front.report.frame_figures import (
@@ -44,9 +43,7 @@ from scleraforce.front.report.frame_figures import (
     AnsweredFrame,
     answered_frames,
     draw_residuals,
-    draw_sheet,
     laid_on_surface,
-    sheet_frame,
     shown_on_sheet,
 )
 from scleraforce.front.report.html_pages import (
@@ -67,7 +64,6 @@ from scleraforce.recordings.recording_folder import Recording
 from scleraforce.records.model_folder import (
     LIBRARY_FILE,
     SHIPPED_READER,
-    SHIPPED_WALL_FINDER,
 )
 from scleraforce.records.remark import Remark
 from scleraforce.wall.find_wall import find_wall
@@ -105,11 +101,6 @@ def answers() -> Evaluation:
     return evaluation_of(frames, model="out/model", remarks=(gap,))
 
 
-def rows_of(page: Markup) -> dict[str, list[str]]:
-    """The rows of frames by their second cell, the measured force."""
-    return {row[1]: row for row in page.cells if row and row[0].endswith(".png")}
-
-
 def write_and_read(
     folder: Path, evaluation: Evaluation, looks: Sequence[AnsweredFrame] = ()
 ) -> str:
@@ -137,30 +128,6 @@ def test_a_page_loads_nothing_and_has_its_makers_date_limits_and_images_in_words
     assert "caution the gap is another" in " ".join(page.said.split())
 
 
-def test_the_confusion_matrix_has_targets_in_rows_and_counts_scored_trials_only(
-    page: Markup,
-) -> None:
-    rows = [row for row in page.cells if row and row[0].startswith("target class")]
-    counts = [["1", "0", "0"], ["0", "0", "1"], ["0", "0", "2"]]
-    assert [row[1:4] for row in rows] == counts
-    assert [row[4][:4] for row in rows] == ["1.00", "0.00", "1.00"]
-    precision = next(row for row in page.cells if row and row[0] == "precision")
-    assert [cell[:4] for cell in precision[1:4]] == ["1.00", NOTHING, "0.67"]
-
-
-def test_every_frame_is_listed_with_its_remark_and_usable_ones_with_probabilities(
-    page: Markup,
-) -> None:
-    rows = rows_of(page)
-    assert len(rows) == 6
-    assert rows["40.0"][-1] == "not usable (no wall found)"
-    assert rows["80.0"][-1] == "not counted: above 60 mN"
-    assert rows["10.0"][-1].endswith("not counted")
-    assert rows["20.0"][2:4] == ["1", "2"]
-    assert np.allclose([float(cell) for cell in rows["20.0"][4:7]], [0.0, 0.4, 0.6])
-    assert rows["40.0"][4:7] == [NOTHING] * 3
-
-
 def test_recordings_without_labels_have_no_metrics_and_still_a_page(
     tmp_path: Path,
 ) -> None:
@@ -183,33 +150,6 @@ def test_an_existing_page_is_kept_unless_it_may_be_overwritten(tmp_path: Path) -
     write_page("front/report/page.html", path, MADE_AT, {}, overwrite=True)
     assert path.read_text().startswith("<!DOCTYPE html>")
     assert list(tmp_path.iterdir()) == [path]
-
-
-@pytest.mark.slow
-def test_a_readers_page_has_forces_intervals_and_the_moduli_of_the_eyes(
-    tmp_path: Path,
-) -> None:
-    first, misread, *others = answers().frames
-    differ = (Remark("methods-disagree", "they differ"),)
-    read = [
-        changed(first, force_n=0.0021, interval_n=(0.001, 0.004), remarks=differ),
-        changed(misread, force_n=0.031, interval_n=(0.029, 0.033), remarks=differ),
-    ]
-    moduli = {
-        "eye a": {"youngs_modulus_pa": 0.27e6, "modulus_source": "own"},
-        "eye <b>": {"youngs_modulus_pa": 0.25e6, "modulus_source": "population"},
-    }
-    frames = tuple(changed(one, **moduli[one.eye]) for one in (*read, *others))
-    found = replace(answers(), kind="reader", frames=frames)
-    page = Markup(write_and_read(tmp_path, found))
-    rows = rows_of(page)
-    cells = [cell.replace("\N{NO-BREAK SPACE}", " ") for cell in rows["20.0"]]
-    assert cells[4:6] == ["31.0", "29.0 to 33.0"]
-    assert cells[-1] == "they differ"
-    assert rows["40.0"][4:6] == [NOTHING] * 2
-    assert "eye a: 0.27 MPa (calibrated), eye <b>: 0.25 MPa (mean of" in page.said
-    assert "5.55 mN" in page.said  # (0.1 + 11) / 2
-    assert "1 of 2 trials" in page.said
 
 
 # Elements that reach beyond the window or that hide a part of their content; wide
@@ -330,15 +270,12 @@ def test_below_a_picture_are_the_measured_and_the_read_force_and_misread_ones_ar
         replace(look, answer=changed(look.answer, **each))
         for look, each in zip(looks, said, strict=True)
     ]
-    answered = [look.answer for look in looks]
-    html = write_and_read(tmp_path, evaluation_of(answered), looks)
+    answered = evaluation_of(look.answer for look in looks)
+    html = write_and_read(tmp_path, answered, looks)
     assert html.count('<figure class="marked">') == 1
     assert "measured 20.0 mN (class 1); read 31.0 mN (29.0 to 33.0; class 2)" in html
     assert "not usable: no wall found" in html
     assert "not measured; read class 0" in html
-    assert "All 3 frames are shown." in html
-    html = write_and_read(tmp_path, evaluation_of([*answered, *many(98)]), looks)
-    assert "3 of the 101 frames are shown" in html
 
 
 NAMES = [
@@ -420,8 +357,7 @@ def read_evaluation() -> Evaluation:
 
 
 def test_residuals_are_read_minus_measured_forces_with_their_intervals_and_limits_of_agreement():
-    figure = draw_residuals(read_evaluation())
-    (axes,) = figure.axes
+    (axes,) = draw_residuals(read_evaluation()).axes
     lines = {line.get_label(): np.column_stack(line.get_data()) for line in axes.lines}
     np.testing.assert_allclose(lines["read as class 1"], [[10.0, 2.0], [40.0, -3.0]])
     np.testing.assert_allclose(lines["misread"], [[40.0, -3.0]])
@@ -434,10 +370,6 @@ def test_residuals_are_read_minus_measured_forces_with_their_intervals_and_limit
         line.get_ydata()[0] for line in axes.lines if line.get_linestyle() == "--"
     }
     assert {*np.round([-0.5 - reach, -0.5 + reach], 4)} < {*np.round([*dashed], 4)}
-    legend = [text.get_text() for text in figure.legends[0].get_texts()]
-    low, high = f"{0.5 + reach:.2f}", f"{reach - 0.5:.2f}"
-    assert f"limits of agreement \N{MINUS SIGN}{low} to +{high} mN" in legend
-    assert "label error, 90 %: ±1.64 mN" in legend
     np.testing.assert_allclose(lines["mean \N{MINUS SIGN}0.50 mN"][:, 1], -0.5)
 
 
@@ -621,24 +553,3 @@ def test_a_sheet_shows_the_worst_frames_and_others_in_even_steps() -> None:
     assert len(shown) == MOST
     assert np.ptp(np.diff(shown[WORST:])) <= 2  # in even steps, but for number 7
     assert shown_on_sheet(badness[:5]) == [4, 3, 2, 1, 0]
-
-
-def test_a_frame_of_a_sheet_has_its_verdict_the_disagreement_and_both_walls(
-    tmp_path: Path,
-) -> None:
-    looked_at_frames(tmp_path / "eye", 1)
-    path = tmp_path / "eye" / "frames" / "0001.png"
-    finder = finder_of(SHIPPED_WALL_FINDER)
-    frame, found = segmented_frame(path, sf.Scan(), sf.Scan(), finder)
-    assert found.methods is not None
-    refused = replace(found, usable=False, reason="too weak")
-    cells = [sheet_frame("x" * 50 + ".png", frame, one) for one in (refused, found)]
-    figure = draw_sheet(cells, "2 frames")
-    disagreement = f"disagreement {found.methods.disagreement:.2f}"
-    assert [axes.get_xlabel() for axes in figure.axes] == [
-        f"not usable, {disagreement}\ntoo weak",
-        f"usable, 562 µm, {disagreement}",
-    ]
-    for axes in figure.axes:
-        assert axes.texts[0].get_text() == "…" + "x" * 20 + ".png"
-        assert len(axes.lines) == 4
