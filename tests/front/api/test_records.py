@@ -369,3 +369,13 @@ def test_what_does_not_fit_is_refused_by_its_field(
 ) -> None:
     with pytest.raises(InputError, match=f"^{words}"):
         ask()
+
+
+def test_the_time_of_a_hold_narrows_the_reading_of_tissue_that_relaxes():
+    eye = replace(OPEN_EYE, relaxation=RELAXING)
+    frame = sf.Frame(FRAME)
+    held, unknown = (
+        read(moment, eye=eye, **NEEDLE, **SCAN)
+        for moment in (sf.Moment((frame,), held_s=1.0), sf.Moment((frame,)))
+    )
+    assert np.ptp(held.interval_n) < np.ptp(unknown.interval_n)

@@ -327,3 +327,12 @@ def test_no_name_reaches_the_terminal_as_an_escape_sequence(
     printed = "".join(shell.run(words, code=code))
     assert printed.replace("\n", "").isprintable()
     assert r"\x1b]0;owned\x07\x9b2J\x7f\u202e" in printed or r"\udcff" in printed
+
+
+@pytest.mark.slow
+def test_this_installation_is_well(shell):
+    states = {
+        finding["name"]: finding["state"]
+        for finding in shell.json("doctor")["findings"]
+    }
+    assert states["packages"] == states["a solve"] == states["a reading"] == "ok"

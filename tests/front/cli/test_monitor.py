@@ -564,3 +564,14 @@ def waited(pid: int) -> int:
 
     wait_until(ended)
     return found[-1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("place", "words"),
+    [(".", "exists already"), ("calibration.json/session", ": Not a directory")],
+)
+def test_a_session_that_cannot_be_recorded_is_refused_in_one_line(
+    refused, place: str, words: str
+):
+    assert words in refused("--record", place)

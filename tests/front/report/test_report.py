@@ -553,3 +553,27 @@ def test_a_sheet_shows_the_worst_frames_and_others_in_even_steps() -> None:
     assert len(shown) == MOST
     assert np.ptp(np.diff(shown[WORST:])) <= 2  # in even steps, but for number 7
     assert shown_on_sheet(badness[:5]) == [4, 3, 2, 1, 0]
+
+
+@pytest.mark.slow
+def test_a_readers_page_has_forces_intervals_and_the_moduli_of_the_eyes(
+    tmp_path: Path,
+):
+    first, misread, *others = answers().frames
+    differ = (Remark("methods-disagree", "they differ"),)
+    read = [
+        changed(first, force_n=0.0021, interval_n=(0.001, 0.004), remarks=differ),
+        changed(misread, force_n=0.031, interval_n=(0.029, 0.033), remarks=differ),
+    ]
+    moduli = {
+        "eye a": {"youngs_modulus_pa": 0.27e6, "modulus_source": "own"},
+        "eye <b>": {"youngs_modulus_pa": 0.25e6, "modulus_source": "population"},
+    }
+    frames = tuple(changed(one, **moduli[one.eye]) for one in (*read, *others))
+    found = replace(answers(), kind="reader", frames=frames)
+    page = Markup(write_and_read(tmp_path, found))
+    assert "29.0 to 33.0" in page.said.replace("\N{NO-BREAK SPACE}", " ")
+    assert "they differ" in page.said
+    assert "eye a: 0.27 MPa (calibrated), eye <b>: 0.25 MPa (mean of" in page.said
+    assert "5.55 mN" in page.said  # (0.1 + 11) / 2
+    assert "1 of 2 trials" in page.said
