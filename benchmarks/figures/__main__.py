@@ -46,10 +46,10 @@ from scleraforce.base.errors import ScleraforceError
 from scleraforce.base.units import from_si
 from scleraforce.base.whole_files import write_whole
 from scleraforce.base.worker_processes import available_cores
-from scleraforce.front.cli.options import chosen_workers, options
 from scleraforce.front.cli.output import progress_bar
 from scleraforce.front.report.figure_files import write_figure
 from scleraforce.lab.virtual_eye import eye_name
+from scleraforce.records.model_folder import SHIPPED
 from scleraforce.records.study import Study
 
 STUDY = Study()
@@ -137,16 +137,15 @@ class Group:
     metavar="GROUP,GROUP,...",
     help=f"Groups, in their order; all by default: {','.join(GROUPS)}.",
 )
-@options(
-    "scheduler",
-    "workers",
-    scheduler="Dask scheduler whose workers compute the eyes; later commands run here.",
+@whole_number("--workers", available_cores(), "Processes that compute the eyes.")
+@click.option(
+    "--reader", type=PATH, default=SHIPPED["default"], help="Another trained reader."
 )
-@click.option("--reader", type=PATH, help="A trained reader; otherwise one is trained.")
 @click.option(
     "--living-reader",
     type=PATH,
-    help="A trained reader of the living preset; otherwise one is trained.",
+    default=SHIPPED["living"],
+    help="Another reader of the living preset.",
 )
 @click.option(
     "--raw-reader", type=PATH, help="A trained raw reader, for a row of its own."
@@ -165,35 +164,19 @@ class Group:
     is_flag=True,
     help="Hold the eyes of all groups still, to measure movement.",
 )
-@click.option(
-    "--declared-exactly",
-    is_flag=True,
-    help=(
-        "Declare the true values in the recordings; by default they "
-        "have the errors of users' measurements."
-    ),
-)
-@click.option(
-    "--recordings-only",
-    is_flag=True,
-    help="Stop when the eyes are computed and imaged.",
-)
 @click.pass_context
 def main(
     ctx: click.Context,
     out: Path,
     counts: dict[str, int],
     names: tuple[str, ...],
-    scheduler: str | None,
-    workers: int | None,
-    reader: Path | None,
-    living_reader: Path | None,
+    workers: int,
+    reader: Path,
+    living_reader: Path,
     raw_reader: Path | None,
     page: Path | None,
     seed: int,
     still: bool,
-    declared_exactly: bool,
-    recordings_only: bool,
 ) -> None:
     """Read virtual eyes that no training has seen; write figures.md, figures.json and
     figures.png to the folder.
@@ -201,7 +184,6 @@ def main(
     if ctx.invoked_subcommand is not None:
         return
 
-    chosen = chosen_workers(scheduler, workers) or available_cores()
     now = behaviour()
     take_up(out, now)
     folder = FiguresFolder(out)
@@ -212,13 +194,8 @@ def main(
         )
         for group in names
     }
-    drawn = _computed(folder, drawn, chosen)
-    if recordings_only:
-        return
-
-    if not declared_exactly:
-        folder = declare(folder, _recordings(drawn))
-
+    drawn = _computed(folder, drawn, workers)
+    folder = declare(folder, _recordings(drawn))
     readers = {DEFAULT_READER: reader, "living": living_reader}
     groups = []
     for name, eyes in drawn.items():
@@ -277,14 +254,14 @@ def _methods(
     folder: FiguresFolder,
     group: str,
     drawn: Drawn,
-    readers: Mapping[str, Path | None],
+    readers: Mapping[str, Path],
     raw_reader: Path | None,
 ) -> list[Method]:
     """Return the methods that read a group: its reader's, a raw reader's and, with
     plain eyes, the paper's.
     """
     name = GROUPS[group].reader
-    methods = make_methods(folder, name, STUDY, readers[name])
+    methods = make_methods(folder, name, readers[name])
     if raw_reader is not None and name == DEFAULT_READER:
         methods.append(raw_method(raw_reader))
     if "plain" in drawn:

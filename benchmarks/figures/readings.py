@@ -2,7 +2,7 @@
 
 import json
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -16,23 +16,11 @@ from scleraforce.base.whole_files import write_whole
 from scleraforce.front.paper.run_folder import framed_for_laboratory
 from scleraforce.lab.virtual_eye import eye_name
 from scleraforce.records.calibration_file import CalibratedEye, read_calibration
-from scleraforce.records.model_folder import RECORD_FILE
-from scleraforce.records.study import (
-    Range,
-    Study,
-    format_study,
-    parse_study,
-    preset_toml,
-)
+from scleraforce.records.model_folder import RECORD_FILE, SHIPPED, STUDY_FILE
+from scleraforce.records.study import Range, Study, format_study
 
 CALIBRATED_FRAMES = 3
 GAP_M = Range(min=0.4e-3, max=0.9e-3)  # of the eyes
-# The readers that groups name, each by the study that it is trained with: a preset for
-# other eyes goes here.
-READERS: Mapping[str, Callable[[Study], Study]] = {
-    DEFAULT_READER: lambda study: study,
-    "living": lambda _study: parse_study(preset_toml("living")),
-}
 READINGS = {"network": "the reader's network", "fit": "the reader's fit"}
 
 
@@ -52,19 +40,14 @@ class Method:
     calibrated: bool = True
 
 
-def make_methods(
-    folder: FiguresFolder, name: str, study: Study, given: Path | None = None
-) -> list[Method]:
-    """Return the ways of reading of a reader, the default one first; train what is not
-    there yet.
+def make_methods(folder: FiguresFolder, name: str, reader: Path) -> list[Method]:
+    """Return the ways of reading of a reader, the default one first.
 
     Args:
-        folder: where models are kept.
-        name: one of `READERS`.
-        study: of the default reader.
-        given: a trained reader, instead of training one.
+        folder: where copies of the model are kept.
+        name: of the reader, as groups name it.
+        reader: its folder.
     """
-    reader = given or _reader(folder, name, READERS[name](study))
     default = json.loads((reader / RECORD_FILE).read_text(encoding="utf-8"))["default"]
     ways = sorted(READINGS, key=lambda way: way != default)
     mark = "" if name == DEFAULT_READER else f"{name}-"
@@ -99,34 +82,6 @@ def paper_method(
 def raw_method(model: Path) -> Method:
     """Return the way of reading of a trained raw reader."""
     return Method("raw", "the raw reader, the eye's E", model)
-
-
-def _reader(folder: FiguresFolder, name: str, study: Study) -> Path:
-    """Return a trained reader; the default one is in the folder of the figures, others
-    in folders of their own.
-    """
-    part = _reader_folder(folder, name)
-    path = _study_file(folder, name, study)
-    library = made_by(part.work("library.zarr"), ["library", "--study", path])
-    return made_by(
-        part.work("reader"), ["train", library, "--study", path, "--kind", "reader"]
-    )
-
-
-def _reader_folder(folder: FiguresFolder, name: str) -> FiguresFolder:
-    return (
-        folder
-        if name == DEFAULT_READER
-        else FiguresFolder(folder.work(f"{name}-reader"))
-    )
-
-
-def _study_file(folder: FiguresFolder, name: str, study: Study) -> Path:
-    """Return the study of a reader, written."""
-    path = _reader_folder(folder, name).work("study.toml")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(format_study(study), path)
-    return path
 
 
 def _answering(folder: FiguresFolder, reader: Path, mark: str, way: str) -> Path:
@@ -271,7 +226,7 @@ def _calibration(folder: FiguresFolder, eyes: Sequence[FigureEye], frames: int) 
 
     reader = GROUPS[eyes[0].group].reader
     if reader != DEFAULT_READER:
-        command += ["--study", _study_file(folder, reader, READERS[reader](Study()))]
+        command += ["--study", SHIPPED[reader] / STUDY_FILE]
 
     return made_by(folder.work("calibrations") / name, command)
 

@@ -181,26 +181,24 @@ def test_a_moving_eye_is_computed_at_its_turned_contacts_and_its_frames_are_imag
 
 
 @pytest.mark.slow
-def test_an_eye_that_a_worker_of_a_cluster_sends_is_the_one_made_here_from_the_same_sources(
-    tmp_path, monkeypatch
-):
+def test_eyes_that_workers_make_are_made_once_and_are_those_made_here(tmp_path):
     drawn = draw_eyes("plain", 1, Study(oct=OctStudy(columns=128, rows=96)))[0]
     coarse = replace(drawn.study, mesh=replace(drawn.study.mesh, core=2, rings=4))
     drawn = replace(drawn, study=coarse, shares=(0.1, 0.2))
     there = FiguresFolder(tmp_path / "a")
     here = FiguresFolder(tmp_path)
-    sent = recordings._making((drawn,))(0)
-    recordings._write_sent(there, drawn, sent)
+    done = []
+    for found_done in ([0, 1], [1]):
+        assert recordings.make_recordings(there, [drawn], 2, done.append) == ()
+        assert done == found_done
+        done.clear()
+
     recordings.make_eye(here, drawn)
     assert (
         recordings.read_made(there, drawn).files
         == recordings.read_made(here, drawn).files
     )
     assert contents(there.path / "recordings") == contents(here.path / "recordings")
-    monkeypatch.setattr(recordings, "hash_sources", lambda *_: "another")
-
-    with pytest.raises(ScleraforceError, match="a worker has other sources"):
-        recordings._write_sent(there, drawn, sent)
 
 
 def test_leaning_needles_are_calibrated_in_another_recording_at_another_lean():
