@@ -177,7 +177,7 @@ def test_a_quick_run_measures_every_row(tmp_path: Path) -> None:
             value is not None and isfinite(value) for value in row["more"].values()
         ), row
 
-    assert sum(row["goal"] is not None for row in rows) == 15
+    assert sum(row["goal"] is not None for row in rows) == 23
     assert page == as_markdown(Results.from_json(plain))
     (stamp,) = read_stamps(tmp_path / "out" / "RESULTS.md")
     assert stamp.made_by == "make bench"
