@@ -1,12 +1,12 @@
-"""`make figures`: virtual eyes that no training has seen, through the released
-commands, to one table; and studies of single questions.
+"""`make figures`: virtual eyes that no training has seen, calibrated and read as users
+do, to one table; and studies of single questions.
 
 python -m figures [OPTIONS]        the tables
 python -m figures STUDY [OPTIONS]  a study; `--help` lists all
 
 Nothing is tuned here: the eyes are drawn from fixed seeds, computed in three dimensions
 at finite strain, imaged by the virtual laboratory of the paper's study, and read.
-Results of this code in the folder are reused.
+Eyes that this code has made in the folder are reused.
 """
 
 import json
@@ -20,7 +20,6 @@ from pkgutil import iter_modules
 import click
 
 from figures import studies
-from figures.commands import take_up
 from figures.declared import declare
 from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
@@ -38,6 +37,7 @@ from figures.readings import (
     read_frames,
 )
 from figures.recordings import make_recordings, read_made
+from figures.reuse import take_up
 from figures.scores import AnsweredFrame, score
 from figures.table import GroupResult, ModulusErrors, as_json, as_markdown
 from provenance.behaviour import behaviour, keep
@@ -118,7 +118,7 @@ class Group:
     type=PATH,
     default=Path("out/figures"),
     show_default=True,
-    help="Folder of the results; results of this code there are reused.",
+    help="Folder of the results; eyes that this code has made there are reused.",
 )
 @click.option(
     "--eyes",
@@ -196,10 +196,16 @@ def main(
     }
     drawn = _computed(folder, drawn, workers)
     folder = declare(folder, _recordings(drawn))
-    readers = {DEFAULT_READER: reader, "living": living_reader}
+    readers = {
+        DEFAULT_READER: make_methods(DEFAULT_READER, reader),
+        "living": make_methods("living", living_reader),
+    }
+    if raw_reader is not None:
+        readers[DEFAULT_READER].append(raw_method(raw_reader))
+    papers = [paper_method(folder, drawn["plain"], STUDY)] if "plain" in drawn else []
     groups = []
     for name, eyes in drawn.items():
-        methods = _methods(folder, name, drawn, readers, raw_reader)
+        methods = [*readers[GROUPS[name].reader], *papers]
         with progress_bar(methods, f"{name} eyes") as bar:
             answers = {method: read_frames(folder, eyes, method) for method in bar}
         groups.append(Group(name, eyes, answers))
@@ -248,25 +254,6 @@ def _computed(folder: FiguresFolder, drawn: Drawn, workers: int) -> Drawn:
         group: tuple(eye for eye in eyes if eye_name(eye.setup) not in failed)
         for group, eyes in drawn.items()
     }
-
-
-def _methods(
-    folder: FiguresFolder,
-    group: str,
-    drawn: Drawn,
-    readers: Mapping[str, Path],
-    raw_reader: Path | None,
-) -> list[Method]:
-    """Return the methods that read a group: its reader's, a raw reader's and, with
-    plain eyes, the paper's.
-    """
-    name = GROUPS[group].reader
-    methods = make_methods(folder, name, readers[name])
-    if raw_reader is not None and name == DEFAULT_READER:
-        methods.append(raw_method(raw_reader))
-    if "plain" in drawn:
-        methods.append(paper_method(folder, drawn["plain"], STUDY))
-    return methods
 
 
 def _result(folder: FiguresFolder, group: Group) -> GroupResult:

@@ -12,9 +12,9 @@ from hashlib import sha256
 import numpy as np
 from numpy.typing import NDArray
 
-from figures.commands import is_made, note_stale, remove, write_key
 from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
+from figures.reuse import is_made, note_stale, remove, write_key
 from figures.sections import ROOM, compute_eye
 from scleraforce.base.errors import ScleraforceError
 from scleraforce.base.whole_files import renamed_when_whole, write_whole

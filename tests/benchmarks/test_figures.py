@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from effects import contents
 
-from figures import commands, readings, recordings
-from figures.commands import answers, made_by
+from figures import readings, recordings, reuse
 from figures.declared import as_declared, declare
 from figures.eyes import Lean
 from figures.folder import FiguresFolder
@@ -261,31 +260,25 @@ def test_calibration_frames_are_left_out_of_every_method(tmp_path, monkeypatch):
         )
         for drawn in eyes
     }
-    known = {
-        "target": 1,
-        "measured_force_mn": 20.0,
-        "predicted": 1,
-        "usable": True,
-        "excluded": None,
-    }
+    answer = SimpleNamespace(predicted=1, usable=True, force_n=None, interval_n=None)
+    known = {"target": 1, "excluded": None, "answer": answer}
 
-    def evaluated(_out, command):
-        return {
-            "frames": [
-                {"eye": command[2].name, "file": file, **known} for file in files
+    def evaluated(_model, recordings, _calibration):
+        return SimpleNamespace(
+            frames=[
+                SimpleNamespace(eye=recordings[0].name, file=file, **known)
+                for file in files
             ]
-        }
+        )
 
     monkeypatch.setattr(readings, "read_made", lambda *_: made)
     monkeypatch.setattr(readings, "calibrated_eyes", lambda *_: used)
-    monkeypatch.setattr(
-        readings, "_calibration", lambda *_: tmp_path / "calibration.json"
-    )
-    monkeypatch.setattr(readings, "answers", evaluated)
+    monkeypatch.setattr(readings, "calibration_of", lambda *_: None)
+    monkeypatch.setattr(readings.sf, "evaluate", evaluated)
 
     for method in (
-        Method("fit", "", tmp_path),
-        Method("paper", "", tmp_path, calibrated=False),
+        Method("fit", "", SimpleNamespace()),
+        Method("paper", "", SimpleNamespace(), calibrated=False),
     ):
         answered = readings.read_frames(FiguresFolder(tmp_path), eyes, method)
         assert [(entry.eye, entry.file) for entry in answered] == [
@@ -364,52 +357,27 @@ def test_the_lowest_point_of_a_boundary_is_sought_between_the_black_bands():
     assert made.in_window(4e-3).tolist() == [True, False]
 
 
-def test_a_result_is_made_anew_with_other_words_another_input_or_another_behaviour(
-    tmp_path, monkeypatch
-):
+def test_a_result_is_made_anew_with_another_key_or_behaviour(tmp_path, capsys):
     runs = []
-    monkeypatch.setattr(
-        commands, "_run", lambda words: runs.append(words) or '{"frames": []}'
-    )
-    given = tmp_path / "given"
-    out = tmp_path / "answers" / "kept.json"
-    given.mkdir()
-    (given / "model.json").write_text("one")
+    out = tmp_path / "eyes" / "kept"
 
-    def runs_after(*words):
-        answers(out, ["evaluate", given, *words])
+    def make(part):
+        runs.append(part)
+        part.mkdir()
+
+    def runs_after(key):
+        assert reuse.made(out, key, make) == out
         return len(runs)
 
-    assert [runs_after(), runs_after()] == [1, 1]
-    assert [runs_after("--more"), runs_after("--more")] == [2, 2]
-    (given / "model.json").write_text("two")
-    assert [runs_after("--more"), runs_after("--more")] == [3, 3]
-    commands.write_key(given, "made otherwise")
-    assert [runs_after("--more"), runs_after("--more")] == [4, 4]
-
-    for value, runs_then in ((1.0, 5), (1.0 + 1e-9, 5), (1.1, 6)):
-        commands.take_up(tmp_path, {"forces": item([value])})
-        assert [runs_after("--more"), runs_after("--more")] == [runs_then] * 2
-
-
-@pytest.mark.slow
-def test_a_command_is_run_once_and_what_it_left_unfinished_is_removed(tmp_path, capsys):
-    out = tmp_path / "made" / "recording"
-    (out.parent / ".recording.partial").mkdir(parents=True)
-    small = ["--forces-mn", "2", "--thickness-um", "500"]
-    with pytest.raises(ScleraforceError, match="phantom: exit code 2"):
-        made_by(out, ["phantom", "--forces-mn", "-2"])
-
-    assert not out.exists()
-    assert not (out.parent / ".recording.partial").exists()
-    out.mkdir()
-    (out / "old").write_text("")
-    made_by(out, ["phantom", *small])  # without a key it is made again
-    assert not (out / "old").exists()
+    (out.parent / ".kept.partial").mkdir(parents=True)  # of an interrupted run
+    assert [runs_after("one"), runs_after("one")] == [1, 1]
+    assert capsys.readouterr().err == ""
+    assert [runs_after("two"), runs_after("two")] == [2, 2]
     assert "made again" in capsys.readouterr().err
-    (out / "mark").write_text("")
-    assert made_by(out, ["phantom", *small]) == out  # it is there: nothing is run
-    assert (out / "mark").exists()
+
+    for value, runs_then in ((1.0, 3), (1.0 + 1e-9, 3), (1.1, 4)):
+        reuse.take_up(tmp_path, {"forces": item([value])})
+        assert [runs_after("two"), runs_after("two")] == [runs_then] * 2
 
 
 def test_new_tables_replace_the_old_ones(tmp_path):
