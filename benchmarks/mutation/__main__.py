@@ -12,7 +12,6 @@ import argparse
 import ast
 import json
 import os
-import queue
 import random
 import shutil
 import signal
@@ -20,7 +19,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
@@ -148,13 +146,11 @@ def faults_of(tree: Path, packages: list[str]) -> Iterator[Fault]:
 
 
 class Copy:
-    """A copy of a tree in which faults are tried; `noted` has what the sound tests
-    called.
-    """
+    """A copy of a tree in which faults are tried one after the other."""
 
-    def __init__(self, folder: Path, noted: Path) -> None:
+    def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.noted = noted
+        self._sound_s: dict[str, float] = {}
 
     def passes(
         self, tests: list[str], settings: dict[str, str], limit_s: float | None = None
@@ -186,21 +182,29 @@ class Copy:
         return package if (self.folder / "tests" / package).is_dir() else ""
 
     def try_sound(self, package: str) -> float:
-        """Run a package's tests without a fault, note what each calls, and return the
-        seconds that this took.
+        """Run a package's tests without a fault, once; note what each calls, and return
+        the seconds that this took.
         """
-        note = {"MUTATION_NOTE": str(self.noted / f"{package}.json")}
-        start = time.perf_counter()
-        if not self.passes([f"tests/{package}"], note):
-            raise SystemExit(f"tests/{package} fails without a fault")
-        return time.perf_counter() - start
+        if package not in self._sound_s:
+            note = {"MUTATION_NOTE": str(self._note(package))}
+            start = time.perf_counter()
+            if not self.passes([f"tests/{package}"], note):
+                raise SystemExit(f"tests/{package} fails without a fault")
+            self._sound_s[package] = time.perf_counter() - start
+            print(f"tests/{package}: {self._sound_s[package]:.0f} s", flush=True)
 
-    def outcome(self, fault: Fault, seconds: float) -> str:
+        return self._sound_s[package]
+
+    def _note(self, package: str) -> Path:
+        return self.folder / f"called-by-{package}.json"
+
+    def outcome(self, fault: Fault) -> str:
         """Return what becomes of a fault by the files of tests that call the faulty
         function; by all of its package where none was seen to.
         """
         package = self.package_of(fault)
-        noted = (self.noted / f"{package}.json").read_text(encoding="utf-8")
+        limit_s = SLOWER * self.try_sound(package) + START_S
+        noted = self._note(package).read_text(encoding="utf-8")
         name = f"{fault.module}:{fault.function}"
         files = {
             test.partition("::")[0]
@@ -211,46 +215,11 @@ class Copy:
         sound = file.read_bytes()
         file.write_bytes(fault.applied(sound))
         try:
-            passed = self.passes(
-                sorted(files) or [f"tests/{package}"], {}, SLOWER * seconds + START_S
-            )
+            passed = self.passes(sorted(files) or [f"tests/{package}"], {}, limit_s)
         finally:
             file.write_bytes(sound)
 
         return {True: SURVIVED, False: "killed", None: "too slow"}[passed]
-
-
-def try_faults(tree: Path, faults: list[Fault], workers: int, work: Path) -> int:
-    """Try each fault on copies of a tree, print what became of it, and return how many
-    were killed.
-    """
-    noted = work / "noted"
-    noted.mkdir()
-    first = Copy(work / "0", noted)
-    copy_tree(tree, first.folder)
-    packages = sorted({first.package_of(fault) for fault in faults})
-    seconds = {package: first.try_sound(package) for package in packages}
-    print({package: round(s) for package, s in seconds.items()}, "s", flush=True)
-
-    copies = queue.SimpleQueue[Copy]()
-    copies.put(first)
-    for number in range(1, workers):
-        folder = work / str(number)
-        shutil.copytree(first.folder, folder)  # with what the sound tests compiled
-        copies.put(Copy(folder, noted))
-
-    def dies(fault: Fault) -> bool:
-        copied = copies.get()
-        try:
-            outcome = copied.outcome(fault, seconds[copied.package_of(fault)])
-        finally:
-            copies.put(copied)
-
-        print(f"{outcome:<9} {fault}", flush=True)
-        return outcome != SURVIVED
-
-    with ThreadPoolExecutor(workers) as pool:
-        return sum(pool.map(dies, faults))
 
 
 def copy_tree(tree: Path, folder: Path) -> None:
@@ -273,13 +242,18 @@ def main() -> None:
     parser.add_argument("--packages", nargs="+", default=[], help="all by default")
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--workers", type=int, default=2, help="copies tried at once")
     given = parser.parse_args()
     offered = list(faults_of(given.tree, given.packages))
     drawn = random.Random(given.seed).sample(offered, min(given.count, len(offered)))
     print(f"{len(drawn)} of {len(offered)} faults, seed {given.seed}")
+    killed = 0
     with TemporaryDirectory(prefix="scleraforce-mutation-") as folder:
-        killed = try_faults(given.tree.resolve(), drawn, given.workers, Path(folder))
+        copy_tree(given.tree.resolve(), Path(folder))
+        copied = Copy(Path(folder))
+        for fault in drawn:
+            outcome = copied.outcome(fault)
+            killed += outcome != SURVIVED
+            print(f"{outcome:<9} {fault}", flush=True)
 
     print(f"{killed} of {len(drawn)} killed, {100 * killed / len(drawn):.0f} %")
 
