@@ -9,7 +9,6 @@ at finite strain, imaged by the virtual laboratory of the paper's study, and rea
 Eyes that this code has made in the folder are reused.
 """
 
-import json
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -36,10 +35,10 @@ from figures.readings import (
     raw_method,
     read_frames,
 )
-from figures.recordings import make_recordings, read_made
+from figures.recordings import make_recordings
 from figures.reuse import take_up
 from figures.scores import AnsweredFrame, score
-from figures.table import GroupResult, ModulusErrors, as_json, as_markdown
+from figures.table import GroupResult, ModulusErrors, as_markdown
 from provenance.behaviour import behaviour, keep
 from provenance.stamps import new_stamp
 from scleraforce.base.errors import ScleraforceError
@@ -153,10 +152,7 @@ class Group:
 @click.option(
     "--page",
     type=click.Path(path_type=Path, exists=True),
-    help=(
-        "Page of the docs to put the tables into; a JSON file and the picture go"
-        " beside it."
-    ),
+    help=("Page of the docs to put the tables into; the picture goes beside it."),
 )
 @whole_number("--seed", SEED, "Of the draw of the eyes.")
 @click.option(
@@ -178,8 +174,8 @@ def main(
     seed: int,
     still: bool,
 ) -> None:
-    """Read virtual eyes that no training has seen; write figures.md, figures.json and
-    figures.png to the folder.
+    """Read virtual eyes that no training has seen; write figures.md and figures.png
+    to the folder.
     """
     if ctx.invoked_subcommand is not None:
         return
@@ -214,18 +210,15 @@ def main(
     stamp = new_stamp("make figures")
     tables = as_markdown(results)
     write_whole(f"{stamp}\n\n{tables}", out / "figures.md")
-    places = [(out / "figures.json", out / "figures.png")]
+    pictures = [out / "figures.png"]
     if page is not None:
         insert_tables(tables, stamp, page)
         keep(stamp, now)
-        picture = page.parent / "images" / "figures.png"
-        places.append((page.with_suffix(".json"), picture))
+        pictures.append(page.parent / "images" / "figures.png")
 
-    found = {"made": vars(stamp), "groups": as_json(results)}
     shown = {group.name: next(iter(group.answers.values())) for group in groups}
     bounds_mn = [from_si(bound_n, "mn") for bound_n in STUDY.classes.bounds_n]
-    for file, picture in places:
-        write_whole(json.dumps(found, indent=2, allow_nan=False) + "\n", file)
+    for picture in pictures:
         write_figure(draw_forces(shown, bounds_mn), picture)
 
     click.echo(tables)
@@ -258,14 +251,11 @@ def _computed(folder: FiguresFolder, drawn: Drawn, workers: int) -> Drawn:
 
 def _result(folder: FiguresFolder, group: Group) -> GroupResult:
     frames = next(iter(group.answers.values()))
-    largest_n = [read_made(folder, eye).largest_n for eye in group.eyes]
     counts = ERROR_FRAMES.get(group.name, (CALIBRATED_FRAMES,))
     return GroupResult(
         group.name,
         len(group.eyes),
         len(frames),
-        sum(not frame.in_window for frame in frames),
-        sum(force_n < STUDY.needle.max_force_n for force_n in largest_n),
         {method: score(answered) for method, answered in group.answers.items()},
         [_modulus_errors(folder, group.eyes, count) for count in counts],
     )

@@ -35,7 +35,7 @@ from scleraforce.records.study import Study
 
 @dataclass(frozen=True, eq=False)
 class MadeEye:
-    """A computed eye: its frames in order, and the upper end of its drawn forces.
+    """A computed eye: its frames in order.
 
     `forces_n` and `tips_m` (frame,): true force and depth of the dent. `lowest_m`
     (frame, boundary): the largest depth in the frame of the outer and the inner
@@ -43,7 +43,6 @@ class MadeEye:
     """
 
     files: tuple[str, ...]
-    largest_n: float
     forces_n: NDArray[np.float64]
     tips_m: NDArray[np.float64]
     lowest_m: NDArray[np.float64]
@@ -132,7 +131,6 @@ def make_eye(folder: FiguresFolder, drawn: FigureEye) -> None:
     pairs = zip(plan.frames, plan_sections(plan, sections_at)[0], strict=True)
     made = MadeEye(
         files=tuple(frame.file for frame in plan.frames),
-        largest_n=computed.largest_n,
         forces_n=np.array(plan.forces_n),
         tips_m=np.array(computed.tips_m(plan.normal_n)),
         lowest_m=np.array(
@@ -190,7 +188,6 @@ def read_made(folder: FiguresFolder, drawn: FigureEye) -> MadeEye:
     with np.load(folder.made(drawn)) as kept:
         return MadeEye(
             tuple(kept["files"].tolist()),
-            float(kept["largest_n"]),
             kept["forces_n"],
             kept["tips_m"],
             kept["lowest_m"],
