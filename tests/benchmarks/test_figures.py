@@ -344,7 +344,6 @@ def test_the_lowest_point_of_a_boundary_is_sought_between_the_black_bands():
     assert inner_m == pytest.approx(2.7e-3 + shown.pose.depth_m, abs=1e-6)
     made = MadeEye(
         ("a", "b"),
-        0.06,
         np.zeros(2),
         np.zeros(2),
         np.array([[3.9e-3, 4.5e-3], [4.1e-3, 4.9e-3]]),
