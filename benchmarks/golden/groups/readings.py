@@ -9,11 +9,10 @@ from typing import Any
 import scleraforce as sf
 from golden.answers import Answers, plain
 from golden.groups.calibrations import calibration_file
-from golden.inputs import PRESSURES
 
 UNCALIBRATED = " uncalibrated"  # read with no calibration: E is not known
-# and the shared; frames of `PRESSURES` have no force log to calibrate on
-UNCALIBRATED_OF = ("plain", "sealed", "damaged", "relaxing", "leaking", PRESSURES)
+# and the shared
+UNCALIBRATED_OF = ("plain", "sealed", "damaged", "relaxing", "leaking")
 CLASSIFIER = " by the classifier"  # the paper's model
 CLASSIFIER_OF = ("plain",)
 # value -> key of a frame in the JSON of `evaluate`
@@ -61,14 +60,13 @@ METRICS = {
 
 def names(recordings: Mapping[str, Path], virtual: Mapping[str, object]) -> list[str]:
     """Return the names of the pieces of work, the longest first."""
-    calibrated = [name for name in recordings if name != PRESSURES]
     uncalibrated = [
         f"{name}{UNCALIBRATED}"
         for name in recordings
         if name in UNCALIBRATED_OF or name not in virtual
     ]
     classified = [f"{name}{CLASSIFIER}" for name in CLASSIFIER_OF]
-    return [*reversed(calibrated), *uncalibrated, *classified]
+    return [*list(recordings)[::-1], *uncalibrated, *classified]
 
 
 def answers(name: str, recordings: dict[str, Path], folder: Path) -> Answers:
