@@ -22,10 +22,8 @@ from scleraforce.mechanics.axisymmetric_wall import (
 )
 from scleraforce.mechanics.contact_and_section import ScanPlane, WallSection
 from scleraforce.mechanics.equilibrium import Solve
-from scleraforce.mechanics.finite_strain_wall import FiniteWall, WallEquilibrium
 from scleraforce.mechanics.hexahedral_mesh import HexMesh, build_mesh
-from scleraforce.mechanics.load_path_tracing import PathEnd, pressurise
-from scleraforce.mechanics.loads_and_supports import NeedleLoad
+from scleraforce.mechanics.load_path_tracing import PathEnd
 from scleraforce.mechanics.mesh_section import cut_sections
 
 Floats = NDArray[np.float64]
@@ -91,19 +89,6 @@ def symmetric_base(mesh: HexMesh) -> NDArray[np.bool_]:
     held[mesh.base_nodes[[np.argmax(base[:, 0]), np.argmin(base[:, 0])]], 1] = True
     held[mesh.base_nodes[np.argmax(base[:, 1])], 0] = True
     return held
-
-
-def rest_nc(
-    wall: FiniteWall, *, youngs_modulus_pa: float, iop_pa: float, density_kg_m3: float
-) -> Floats:
-    """Return the displacement of a wall under pressure and weight without a needle,
-    (node, 3) in m.
-    """
-    nothing = np.zeros_like(wall.mesh.points_nc)
-    problem = WallEquilibrium(
-        wall, NeedleLoad(nothing, nothing), youngs_modulus_pa, density_kg_m3
-    )
-    return wall.full_nc(pressurise(problem, iop_pa / youngs_modulus_pa))
 
 
 def cut_section(

@@ -1,15 +1,14 @@
-"""`make figures`: virtual eyes that no training has seen, through the released
-commands, to one table; and studies of single questions.
+"""`make figures`: virtual eyes that no training has seen, calibrated and read as users
+do, to one table; and studies of single questions.
 
 python -m figures [OPTIONS]        the tables
 python -m figures STUDY [OPTIONS]  a study; `--help` lists all
 
 Nothing is tuned here: the eyes are drawn from fixed seeds, computed in three dimensions
 at finite strain, imaged by the virtual laboratory of the paper's study, and read.
-Results of this code in the folder are reused.
+Eyes that this code has made in the folder are reused.
 """
 
-import json
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,7 +19,6 @@ from pkgutil import iter_modules
 import click
 
 from figures import studies
-from figures.commands import take_up
 from figures.declared import declare
 from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
@@ -37,19 +35,20 @@ from figures.readings import (
     raw_method,
     read_frames,
 )
-from figures.recordings import make_recordings, read_made
+from figures.recordings import make_recordings
+from figures.reuse import take_up
 from figures.scores import AnsweredFrame, score
-from figures.table import GroupResult, ModulusErrors, as_json, as_markdown
+from figures.table import GroupResult, ModulusErrors, as_markdown
 from provenance.behaviour import behaviour, keep
 from provenance.stamps import new_stamp
 from scleraforce.base.errors import ScleraforceError
 from scleraforce.base.units import from_si
 from scleraforce.base.whole_files import write_whole
 from scleraforce.base.worker_processes import available_cores
-from scleraforce.front.cli.options import chosen_workers, options
 from scleraforce.front.cli.output import progress_bar
 from scleraforce.front.report.figure_files import write_figure
 from scleraforce.lab.virtual_eye import eye_name
+from scleraforce.records.model_folder import SHIPPED
 from scleraforce.records.study import Study
 
 STUDY = Study()
@@ -118,7 +117,7 @@ class Group:
     type=PATH,
     default=Path("out/figures"),
     show_default=True,
-    help="Folder of the results; results of this code there are reused.",
+    help="Folder of the results; eyes that this code has made there are reused.",
 )
 @click.option(
     "--eyes",
@@ -137,16 +136,15 @@ class Group:
     metavar="GROUP,GROUP,...",
     help=f"Groups, in their order; all by default: {','.join(GROUPS)}.",
 )
-@options(
-    "scheduler",
-    "workers",
-    scheduler="Dask scheduler whose workers compute the eyes; later commands run here.",
+@whole_number("--workers", available_cores(), "Processes that compute the eyes.")
+@click.option(
+    "--reader", type=PATH, default=SHIPPED["default"], help="Another trained reader."
 )
-@click.option("--reader", type=PATH, help="A trained reader; otherwise one is trained.")
 @click.option(
     "--living-reader",
     type=PATH,
-    help="A trained reader of the living preset; otherwise one is trained.",
+    default=SHIPPED["living"],
+    help="Another reader of the living preset.",
 )
 @click.option(
     "--raw-reader", type=PATH, help="A trained raw reader, for a row of its own."
@@ -154,10 +152,7 @@ class Group:
 @click.option(
     "--page",
     type=click.Path(path_type=Path, exists=True),
-    help=(
-        "Page of the docs to put the tables into; a JSON file and the picture go"
-        " beside it."
-    ),
+    help=("Page of the docs to put the tables into; the picture goes beside it."),
 )
 @whole_number("--seed", SEED, "Of the draw of the eyes.")
 @click.option(
@@ -165,43 +160,26 @@ class Group:
     is_flag=True,
     help="Hold the eyes of all groups still, to measure movement.",
 )
-@click.option(
-    "--declared-exactly",
-    is_flag=True,
-    help=(
-        "Declare the true values in the recordings; by default they "
-        "have the errors of users' measurements."
-    ),
-)
-@click.option(
-    "--recordings-only",
-    is_flag=True,
-    help="Stop when the eyes are computed and imaged.",
-)
 @click.pass_context
 def main(
     ctx: click.Context,
     out: Path,
     counts: dict[str, int],
     names: tuple[str, ...],
-    scheduler: str | None,
-    workers: int | None,
-    reader: Path | None,
-    living_reader: Path | None,
+    workers: int,
+    reader: Path,
+    living_reader: Path,
     raw_reader: Path | None,
     page: Path | None,
     seed: int,
     still: bool,
-    declared_exactly: bool,
-    recordings_only: bool,
 ) -> None:
-    """Read virtual eyes that no training has seen; write figures.md, figures.json and
-    figures.png to the folder.
+    """Read virtual eyes that no training has seen; write figures.md and figures.png
+    to the folder.
     """
     if ctx.invoked_subcommand is not None:
         return
 
-    chosen = chosen_workers(scheduler, workers) or available_cores()
     now = behaviour()
     take_up(out, now)
     folder = FiguresFolder(out)
@@ -212,17 +190,18 @@ def main(
         )
         for group in names
     }
-    drawn = _computed(folder, drawn, chosen)
-    if recordings_only:
-        return
-
-    if not declared_exactly:
-        folder = declare(folder, _recordings(drawn))
-
-    readers = {DEFAULT_READER: reader, "living": living_reader}
+    drawn = _computed(folder, drawn, workers)
+    folder = declare(folder, _recordings(drawn))
+    readers = {
+        DEFAULT_READER: make_methods(DEFAULT_READER, reader),
+        "living": make_methods("living", living_reader),
+    }
+    if raw_reader is not None:
+        readers[DEFAULT_READER].append(raw_method(raw_reader))
+    papers = [paper_method(folder, drawn["plain"], STUDY)] if "plain" in drawn else []
     groups = []
     for name, eyes in drawn.items():
-        methods = _methods(folder, name, drawn, readers, raw_reader)
+        methods = [*readers[GROUPS[name].reader], *papers]
         with progress_bar(methods, f"{name} eyes") as bar:
             answers = {method: read_frames(folder, eyes, method) for method in bar}
         groups.append(Group(name, eyes, answers))
@@ -231,18 +210,15 @@ def main(
     stamp = new_stamp("make figures")
     tables = as_markdown(results)
     write_whole(f"{stamp}\n\n{tables}", out / "figures.md")
-    places = [(out / "figures.json", out / "figures.png")]
+    pictures = [out / "figures.png"]
     if page is not None:
         insert_tables(tables, stamp, page)
         keep(stamp, now)
-        picture = page.parent / "images" / "figures.png"
-        places.append((page.with_suffix(".json"), picture))
+        pictures.append(page.parent / "images" / "figures.png")
 
-    found = {"made": vars(stamp), "groups": as_json(results)}
     shown = {group.name: next(iter(group.answers.values())) for group in groups}
     bounds_mn = [from_si(bound_n, "mn") for bound_n in STUDY.classes.bounds_n]
-    for file, picture in places:
-        write_whole(json.dumps(found, indent=2, allow_nan=False) + "\n", file)
+    for picture in pictures:
         write_figure(draw_forces(shown, bounds_mn), picture)
 
     click.echo(tables)
@@ -273,35 +249,13 @@ def _computed(folder: FiguresFolder, drawn: Drawn, workers: int) -> Drawn:
     }
 
 
-def _methods(
-    folder: FiguresFolder,
-    group: str,
-    drawn: Drawn,
-    readers: Mapping[str, Path | None],
-    raw_reader: Path | None,
-) -> list[Method]:
-    """Return the methods that read a group: its reader's, a raw reader's and, with
-    plain eyes, the paper's.
-    """
-    name = GROUPS[group].reader
-    methods = make_methods(folder, name, STUDY, readers[name])
-    if raw_reader is not None and name == DEFAULT_READER:
-        methods.append(raw_method(raw_reader))
-    if "plain" in drawn:
-        methods.append(paper_method(folder, drawn["plain"], STUDY))
-    return methods
-
-
 def _result(folder: FiguresFolder, group: Group) -> GroupResult:
     frames = next(iter(group.answers.values()))
-    largest_n = [read_made(folder, eye).largest_n for eye in group.eyes]
     counts = ERROR_FRAMES.get(group.name, (CALIBRATED_FRAMES,))
     return GroupResult(
         group.name,
         len(group.eyes),
         len(frames),
-        sum(not frame.in_window for frame in frames),
-        sum(force_n < STUDY.needle.max_force_n for force_n in largest_n),
         {method: score(answered) for method, answered in group.answers.items()},
         [_modulus_errors(folder, group.eyes, count) for count in counts],
     )

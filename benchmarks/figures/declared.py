@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from figures.commands import made
 from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
 from figures.recordings import recording_key
+from figures.reuse import made
 from scleraforce.base.whole_files import write_whole
 from scleraforce.recordings.recording_folder import read_info
 from scleraforce.records.decoder import format_record

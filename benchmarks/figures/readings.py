@@ -1,42 +1,33 @@
 """Every way of reading the virtual eyes' frames that the figures compare."""
 
-import json
-import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 
-from figures.commands import answers, content_key, made, made_by
+import scleraforce as sf
 from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
 from figures.groups import DEFAULT_READER, GROUPS
 from figures.recordings import read_made
+from figures.reuse import remove
 from figures.scores import AnsweredFrame, answered_frame
-from scleraforce.base.whole_files import write_whole
+from scleraforce.calibration.calibration import Calibration
+from scleraforce.calibration.evaluation import FrameAnswer
+from scleraforce.front.api.reading_frames import summary_of_calibration
 from scleraforce.front.paper.run_folder import framed_for_laboratory
 from scleraforce.lab.virtual_eye import eye_name
-from scleraforce.records.calibration_file import CalibratedEye, read_calibration
-from scleraforce.records.model_folder import RECORD_FILE
-from scleraforce.records.study import (
-    Range,
-    Study,
-    format_study,
-    parse_study,
-    preset_toml,
-)
+from scleraforce.reading.load_model import load_reader
+from scleraforce.reading.reading_models import ForceReader, Reader
+from scleraforce.records.calibration_file import CalibratedEye
+from scleraforce.records.study import Range, Study, parse_study, preset_toml
 
 CALIBRATED_FRAMES = 3
 GAP_M = Range(min=0.4e-3, max=0.9e-3)  # of the eyes
-# The readers that groups name, each by the study that it is trained with: a preset for
-# other eyes goes here.
-READERS: Mapping[str, Callable[[Study], Study]] = {
-    DEFAULT_READER: lambda study: study,
-    "living": lambda _study: parse_study(preset_toml("living")),
-}
 READINGS = {"network": "the reader's network", "fit": "the reader's fit"}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Method:
     """A way of reading: a model, whose E, and words for the table.
 
@@ -47,143 +38,63 @@ class Method:
 
     name: str
     title: str
-    model: Path
+    model: Reader
     own_modulus: bool = True
     calibrated: bool = True
 
 
-def make_methods(
-    folder: FiguresFolder, name: str, study: Study, given: Path | None = None
-) -> list[Method]:
-    """Return the ways of reading of a reader, the default one first; train what is not
-    there yet.
-
-    Args:
-        folder: where models are kept.
-        name: one of `READERS`.
-        study: of the default reader.
-        given: a trained reader, instead of training one.
+def make_methods(name: str, path: Path) -> list[Method]:
+    """Return the ways of reading of a reader, as groups name it, in its folder; the
+    default one first.
     """
-    reader = given or _reader(folder, name, READERS[name](study))
-    default = json.loads((reader / RECORD_FILE).read_text(encoding="utf-8"))["default"]
-    ways = sorted(READINGS, key=lambda way: way != default)
+    reader = load_reader(path)
+    assert isinstance(reader, ForceReader)
+    ways = sorted(READINGS, key=lambda way: way != reader.default)
     mark = "" if name == DEFAULT_READER else f"{name}-"
     own = [
         Method(
             f"{mark}{way}",
-            f"{READINGS[way]}{' (default)' * (way == default)}, the eye's E",
-            _answering(folder, reader, mark, way),
+            f"{READINGS[way]}{' (default)' * (way == reader.default)}, the eye's E",
+            replace(reader, default=way),
         )
         for way in ways
     ]
-    title = f"{READINGS[default]}, E of other eyes"
+    title = f"{READINGS[reader.default]}, E of other eyes"
 
     return [
         *own,
-        Method(f"{mark}{default}-population", title, own[0].model, own_modulus=False),
+        Method(f"{mark}{reader.default}-population", title, reader, own_modulus=False),
     ]
 
 
 def paper_method(
     folder: FiguresFolder, plain: Sequence[FigureEye], study: Study
 ) -> Method:
-    """Return the paper's way of reading, with the modulus of the plain eyes; train a
-    classifier that is not there.
-    """
-    model = _classifier(folder, plain, study)
-    return Method(
-        "paper", "the paper's: linear, E of the population", model, calibrated=False
-    )
-
-
-def raw_method(model: Path) -> Method:
-    """Return the way of reading of a trained raw reader."""
-    return Method("raw", "the raw reader, the eye's E", model)
-
-
-def _reader(folder: FiguresFolder, name: str, study: Study) -> Path:
-    """Return a trained reader; the default one is in the folder of the figures, others
-    in folders of their own.
-    """
-    part = _reader_folder(folder, name)
-    path = _study_file(folder, name, study)
-    library = made_by(part.work("library.zarr"), ["library", "--study", path])
-    return made_by(
-        part.work("reader"), ["train", library, "--study", path, "--kind", "reader"]
-    )
-
-
-def _reader_folder(folder: FiguresFolder, name: str) -> FiguresFolder:
-    return (
-        folder
-        if name == DEFAULT_READER
-        else FiguresFolder(folder.work(f"{name}-reader"))
-    )
-
-
-def _study_file(folder: FiguresFolder, name: str, study: Study) -> Path:
-    """Return the study of a reader, written."""
-    path = _reader_folder(folder, name).work("study.toml")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_whole(format_study(study), path)
-    return path
-
-
-def _answering(folder: FiguresFolder, reader: Path, mark: str, way: str) -> Path:
-    """Return a copy of a reader with one of its two methods as the default."""
-
-    def copy(part: Path) -> None:
-        shutil.copytree(reader, part)
-        record = json.loads((part / RECORD_FILE).read_text(encoding="utf-8"))
-        write_whole(
-            json.dumps({**record, "default": way}, indent=2) + "\n", part / RECORD_FILE
-        )
-
-    return made(
-        folder.work(f"{mark}reader-{way}"), f"{content_key(reader)} {way}", copy
-    )
-
-
-def _classifier(
-    folder: FiguresFolder, plain: Sequence[FigureEye], study: Study
-) -> Path:
-    """Return the paper's classifier of linear slices, with the population's E of the
-    plain eyes.
+    """Return the paper's way of reading: a classifier of linear slices that is trained
+    here, with the population's E of the plain eyes.
 
     They are calibrated linearly on their first frames. Framing and gap are drawn from
     the ranges of the eyes that it will see; IOP is the study's.
     """
-    path = folder.work("linear.toml")
     framed = framed_for_laboratory(study)
-    write_whole(
-        format_study(replace(framed, dataset=replace(framed.dataset, gap_m=GAP_M))),
-        path,
-    )
-    modulus = made_by(
-        folder.work("calibrations") / "linear.json",
-        [
-            "calibrate",
-            *_recordings(folder, plain),
-            "--frames",
-            str(CALIBRATED_FRAMES),
-            "--mechanics",
-            "linear",
-        ],
-    )
-    slices = made_by(
-        folder.work("linear-slices"),
-        [
-            "generate",
-            "--study",
-            path,
-            "--calibration",
-            modulus,
-            "--mechanics",
-            "linear",
-        ],
-    )
+    framed = replace(framed, dataset=replace(framed.dataset, gap_m=GAP_M))
+    modulus_pa, _ = sf.calibrate(
+        _recordings(folder, plain), frames=CALIBRATED_FRAMES, mechanics="linear"
+    ).population
+    slices, model = (folder.work(name) for name in ("linear-slices", "classifier"))
+    for place in (slices, model):
+        remove(place)
 
-    return made_by(folder.work("classifier"), ["train", slices])
+    dataset = sf.generate(
+        slices, framed, youngs_modulus_pa=modulus_pa, mechanics="linear"
+    )
+    title = "the paper's: linear, E of the population"
+    return Method("paper", title, sf.train(dataset, model), calibrated=False)
+
+
+def raw_method(model: Path) -> Method:
+    """Return the way of reading of a trained raw reader."""
+    return Method("raw", "the raw reader, the eye's E", load_reader(model))
 
 
 def calibrated_eyes(
@@ -192,15 +103,14 @@ def calibrated_eyes(
     """Return what `calibrate` makes of each eye's first frames, by the eye's name."""
     found: dict[str, CalibratedEye] = {}
     for half in _halves(eyes):
-        found |= read_calibration(_calibration(folder, half, frames)).eyes
+        found |= summary_of_calibration(calibration_of(folder, half, frames)).eyes
     return found
 
 
 def read_frames(
     folder: FiguresFolder, eyes: Sequence[FigureEye], method: Method
 ) -> tuple[AnsweredFrame, ...]:
-    """Return the answers of a method to the frames of a group that count, made where
-    they are not there.
+    """Return the answers of a method to the frames of a group that count.
 
     The frames that any eye is calibrated on are left out, also where the method does
     not use that calibration.
@@ -213,37 +123,27 @@ def read_frames(
 
     for number, half in enumerate(halves):
         told = half if method.own_modulus else halves[len(halves) - 1 - number]
-        first = eye_name(half[0].setup)
-        last = eye_name(half[-1].setup)
-        out = folder.work("answers") / f"{method.name}-{first}-to-{last}.json"
-        command: list[str | Path] = [
-            "evaluate",
-            method.model,
-            *_recordings(folder, half),
-        ]
-
-        if method.calibrated:
-            command += ["--calibration", _calibration(folder, told, CALIBRATED_FRAMES)]
-
-        frames += _frames(folder, half, answers(out, command)["frames"])
+        calibration = (
+            calibration_of(folder, told, CALIBRATED_FRAMES)
+            if method.calibrated
+            else None
+        )
+        answers = sf.evaluate(method.model, _recordings(folder, half), calibration)
+        frames += _frames(folder, half, answers.frames)
 
     return tuple(frame for frame in frames if (frame.eye, frame.file) not in used)
 
 
 def _frames(
-    folder: FiguresFolder,
-    eyes: Sequence[FigureEye],
-    answered: Sequence[dict[str, object]],
+    folder: FiguresFolder, eyes: Sequence[FigureEye], answers: Iterable[FrameAnswer]
 ) -> list[AnsweredFrame]:
-    """Return the answers that count, with their truth; both lists are in the order of
-    the eyes and their frames.
-    """
+    """Return the answers that count, with their truth."""
     found = []
     made = {eye_name(eye.setup): (eye, read_made(folder, eye)) for eye in eyes}
 
-    for answer in answered:
-        drawn, truth = made[str(answer["eye"])]
-        place = truth.files.index(str(answer["file"]))
+    for answer in answers:
+        drawn, truth = made[answer.eye]
+        place = truth.files.index(answer.file)
         study = drawn.study
         in_window = bool(truth.in_window(study.oct.depth_m)[place])
         frame = answered_frame(
@@ -254,26 +154,19 @@ def _frames(
     return found
 
 
-def _calibration(folder: FiguresFolder, eyes: Sequence[FigureEye], frames: int) -> Path:
-    """Return the calibration of eyes on the first frames of each, made where it is not
-    there.
-    """
-    name = (
-        f"{eye_name(eyes[0].setup)}-to-{eye_name(eyes[-1].setup)}-{frames}-frames.json"
-    )
+def calibration_of(
+    folder: FiguresFolder, eyes: Sequence[FigureEye], frames: int
+) -> Calibration:
+    """Return the calibration of eyes on the first frames of each."""
     calibrating = [drawn.calibrating for drawn in eyes]
-    command: list[str | Path] = [
-        "calibrate",
-        *_recordings(folder, calibrating),
-        "--frames",
-        str(frames),
-    ]
-
     reader = GROUPS[eyes[0].group].reader
-    if reader != DEFAULT_READER:
-        command += ["--study", _study_file(folder, reader, READERS[reader](Study()))]
+    return _calibration(tuple(_recordings(folder, calibrating)), frames, reader)
 
-    return made_by(folder.work("calibrations") / name, command)
+
+@cache
+def _calibration(recordings: tuple[Path, ...], frames: int, reader: str) -> Calibration:
+    study = None if reader == DEFAULT_READER else parse_study(preset_toml(reader))
+    return sf.calibrate(recordings, study, frames=frames)
 
 
 def _recordings(folder: FiguresFolder, eyes: Sequence[FigureEye]) -> list[Path]:

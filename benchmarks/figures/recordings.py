@@ -8,23 +8,16 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
 from hashlib import sha256
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 from numpy.typing import NDArray
 
-from figures.commands import is_made, note_stale, remove, write_key
 from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
+from figures.reuse import is_made, note_stale, remove, write_key
 from figures.sections import ROOM, compute_eye
 from scleraforce.base.errors import ScleraforceError
-from scleraforce.base.whole_files import (
-    hash_sources,
-    renamed_when_whole,
-    write_whole,
-    write_whole_folder,
-)
+from scleraforce.base.whole_files import renamed_when_whole, write_whole
 from scleraforce.base.worker_processes import work_units
 from scleraforce.lab.virtual_eye import eye_name
 from scleraforce.lab.virtual_recording import (
@@ -42,7 +35,7 @@ from scleraforce.records.study import Study
 
 @dataclass(frozen=True, eq=False)
 class MadeEye:
-    """A computed eye: its frames in order, and the upper end of its drawn forces.
+    """A computed eye: its frames in order.
 
     `forces_n` and `tips_m` (frame,): true force and depth of the dent. `lowest_m`
     (frame, boundary): the largest depth in the frame of the outer and the inner
@@ -50,7 +43,6 @@ class MadeEye:
     """
 
     files: tuple[str, ...]
-    largest_n: float
     forces_n: NDArray[np.float64]
     tips_m: NDArray[np.float64]
     lowest_m: NDArray[np.float64]
@@ -74,15 +66,11 @@ def make_recordings(
     Args:
         folder: where they go.
         eyes: all eyes.
-        workers: processes, or `cluster_workers` whose processes can import this
-            package.
+        workers: processes.
         progress: called with the number of eyes that are newly done, or found done.
 
     Returns:
         The names of the eyes that failed; their messages are on standard error.
-
-    Raises:
-        ScleraforceError: a worker has other sources, or as `work_units`.
     """
     missing = tuple(
         eye for eye in eyes if not is_made(folder.recording(eye), recording_key(eye))
@@ -92,71 +80,29 @@ def make_recordings(
 
     progress(len(eyes) - len(missing))
     failed = []
-    units = work_units(partial(_making, missing), range(len(missing)), workers)
+    units = work_units(partial(_making, folder, missing), range(len(missing)), workers)
     with closing(units) as made:
-        for number, found in made:
-            drawn = missing[number]
-            if isinstance(found, str):
-                print(f"{eye_name(drawn.setup)}: {found}", file=sys.stderr)
-                failed.append(eye_name(drawn.setup))
-            else:
-                _write_sent(folder, drawn, found)
+        for number, fault in made:
+            if fault:
+                failed.append(eye_name(missing[number].setup))
+                print(f"{failed[-1]}: {fault}", file=sys.stderr)
 
             progress(1)
 
     return tuple(failed)
 
 
-@dataclass(frozen=True)
-class _Sent:
-    """An eye as a worker has made it: the hash of its sources, the recording's files,
-    and what is known of the eye.
-    """
+def _making(folder: FiguresFolder, eyes: Sequence[FigureEye]) -> Callable[[int], str]:
+    """Return the function that makes an eye in a worker: its number -> the fault."""
 
-    sources: str
-    recording: dict[str, bytes]
-    made: bytes
-
-
-def _making(eyes: Sequence[FigureEye]) -> Callable[[int], _Sent | str]:
-    """Return the function that makes an eye in a worker: its number -> its files, or
-    the fault.
-    """
-
-    def work(number: int) -> _Sent | str:
-        drawn = eyes[number]
-        with TemporaryDirectory(prefix="figures-") as place:
-            folder = FiguresFolder(Path(place))
-            try:
-                make_eye(folder, drawn)
-            except ScleraforceError as fault:
-                return str(fault)
-
-            recording = _files(folder.recording(drawn))
-            made = folder.made(drawn).read_bytes()
-
-        return _Sent(hash_sources(""), recording, made)
+    def work(number: int) -> str:
+        try:
+            make_eye(folder, eyes[number])
+        except ScleraforceError as fault:
+            return str(fault)
+        return ""
 
     return work
-
-
-def _write_sent(folder: FiguresFolder, drawn: FigureEye, sent: _Sent) -> None:
-    recording = folder.recording(drawn)
-    made = folder.made(drawn)
-
-    if sent.sources != hash_sources(""):
-        raise ScleraforceError(
-            "a worker has other sources than this process; let them import the same"
-            " ones"
-        )
-
-    for place in (recording, made):
-        place.parent.mkdir(parents=True, exist_ok=True)
-
-    write_whole(sent.made, made)
-    remove(recording)
-    write_whole_folder(sent.recording, recording)
-    write_key(recording, recording_key(drawn))
 
 
 def make_eye(folder: FiguresFolder, drawn: FigureEye) -> None:
@@ -185,7 +131,6 @@ def make_eye(folder: FiguresFolder, drawn: FigureEye) -> None:
     pairs = zip(plan.frames, plan_sections(plan, sections_at)[0], strict=True)
     made = MadeEye(
         files=tuple(frame.file for frame in plan.frames),
-        largest_n=computed.largest_n,
         forces_n=np.array(plan.forces_n),
         tips_m=np.array(computed.tips_m(plan.normal_n)),
         lowest_m=np.array(
@@ -243,14 +188,7 @@ def read_made(folder: FiguresFolder, drawn: FigureEye) -> MadeEye:
     with np.load(folder.made(drawn)) as kept:
         return MadeEye(
             tuple(kept["files"].tolist()),
-            float(kept["largest_n"]),
             kept["forces_n"],
             kept["tips_m"],
             kept["lowest_m"],
         )
-
-
-def _files(folder: Path) -> dict[str, bytes]:
-    """Return the content of all files of a folder, by their places in it."""
-    files = sorted(path for path in folder.rglob("*") if path.is_file())
-    return {file.relative_to(folder).as_posix(): file.read_bytes() for file in files}

@@ -1,13 +1,14 @@
-"""Scores of answers: the frames of `evaluate --json` against the truth."""
+"""Scores of answers: the frames of `evaluate` against the truth."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import nan
-from typing import Any
 
 import numpy as np
 
+from scleraforce.base.units import from_si
 from scleraforce.calibration.answer_metrics import Proportion, coverage_band
+from scleraforce.calibration.evaluation import FrameAnswer
 from scleraforce.records.study import ClassesStudy
 
 DANGEROUS = 2  # the class of forces that hurt
@@ -36,7 +37,6 @@ class AnsweredFrame:
     usable: bool
     read_mn: float | None = None
     interval_mn: tuple[float, float] | None = None
-    reason: str | None = None
 
     @property
     def right(self) -> bool:
@@ -72,32 +72,35 @@ class Scores:
 
 
 def answered_frame(
-    answer: Mapping[str, Any], true_n: float, in_window: bool, classes: ClassesStudy
+    answer: FrameAnswer, true_n: float, in_window: bool, classes: ClassesStudy
 ) -> AnsweredFrame | None:
-    """Return a frame of `evaluate --json` with its truth; None where it does not count
-    in an evaluation.
+    """Return a frame of `evaluate` with its truth; None where it does not count in an
+    evaluation.
 
     Args:
-        answer: an entry of `frames`.
+        answer: of `evaluate`.
         true_n: the force that was put in, in N.
         in_window: whether the wall's surface stays within the frame.
         classes: the bounds of the force classes.
     """
-    if answer["target"] is None or answer["excluded"] is not None:
+    if answer.target is None or answer.excluded is not None:
         return None
 
-    interval = answer.get("interval_mn")
+    read = answer.answer
     return AnsweredFrame(
-        eye=answer["eye"],
-        file=answer["file"],
+        eye=answer.eye,
+        file=answer.file,
         true_target=classes.classify(true_n),
         true_mn=1e3 * true_n,
         in_window=in_window,
-        predicted=answer["predicted"],
-        usable=answer["usable"],
-        read_mn=answer.get("predicted_force_mn"),
-        interval_mn=None if interval is None else (interval[0], interval[1]),
-        reason=answer.get("reason"),
+        predicted=read.predicted,
+        usable=read.usable,
+        read_mn=from_si(read.force_n, "mn"),
+        interval_mn=(
+            None
+            if read.interval_n is None
+            else (from_si(read.interval_n[0], "mn"), from_si(read.interval_n[1], "mn"))
+        ),
     )
 
 

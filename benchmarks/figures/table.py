@@ -1,9 +1,8 @@
-"""The tables of the figures, as Markdown and as JSON."""
+"""The tables of the figures, as Markdown."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from math import isfinite, nan
-from typing import Any
 
 from figures.groups import GROUPS
 from figures.readings import Method
@@ -35,17 +34,11 @@ class ModulusErrors:
 
 @dataclass(frozen=True)
 class GroupResult:
-    """All that was found on a group of eyes.
-
-    `deep` of its frames leave the window, and the load path of `capped` of its eyes
-    ends before the largest force.
-    """
+    """All that was found on a group of eyes."""
 
     group: str
     eyes: int
     frames: int
-    deep: int
-    capped: int
     scores: Mapping[Method, Scores]
     moduli: Sequence[ModulusErrors]
 
@@ -152,39 +145,3 @@ def _percent(share: Proportion) -> str:
 
 def _fixed(value: float, digits: int = 2) -> str:
     return f"{value:.{digits}f}" if isfinite(value) else "-"
-
-
-def as_json(results: Sequence[GroupResult]) -> dict[str, Any]:
-    """Return the same as plain values."""
-    return {
-        result.group: {
-            "eyes": result.eyes,
-            "frames": result.frames,
-            "leaves_the_window": result.deep,
-            "capped_eyes": result.capped,
-            "methods": {
-                method.name: {
-                    name: _plain(value) for name, value in vars(scores).items()
-                }
-                for method, scores in result.scores.items()
-            },
-            "youngs_modulus_errors": [
-                {
-                    **asdict(errors),
-                    "mean": _plain(errors.mean),
-                    "largest": _plain(errors.largest),
-                }
-                for errors in result.moduli
-            ],
-        }
-        for result in results
-    }
-
-
-def _plain(value: Any) -> Any:
-    """Return a score as plain values: a share with its counts, None for NaN."""
-    if isinstance(value, Proportion):
-        return {"share": _plain(value.value), "hits": value.hits, "of": value.total}
-    if isinstance(value, float) and not isfinite(value):
-        return None
-    return value

@@ -29,7 +29,7 @@ from golden.answers import (
 )
 from golden.computing import GROUPS, compute
 from golden.inputs import ROOT, SHARED
-from golden.tables import door_table, group_table, move_lines
+from golden.tables import group_table, move_lines
 
 WORKERS = 2
 PACKAGES = ("numpy", "scipy", "numba", "opencv-python-headless", "onnxruntime")
@@ -68,7 +68,7 @@ def main(words: list[str] | None = None) -> int:
 def report(
     made: Record, frozen: Mapping[str, Answers], computed: Mapping[str, Answers]
 ) -> bool:
-    """Print what moved, and the doors beside `evaluate`; return whether any did."""
+    """Print what moved; return whether anything did."""
     comparisons: dict[str, tuple[Answers, Comparison]] = {}
     for group, answers in computed.items():
         before = {
@@ -79,8 +79,6 @@ def report(
         comparisons[group] = answers, compared(before, answers)
     print(f"Frozen by {made['commit']} on {made['date']}, {made['platform']}.\n")
     print(group_table(comparisons))
-    if "doors" in computed:
-        print(f"\n{door_table(computed['doors'], frozen.get('doors', {}))}")
     moved = [group for group, (_, one) in comparisons.items() if not one.is_empty]
     if moved:
         print()

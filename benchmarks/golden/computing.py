@@ -12,9 +12,8 @@ from time import perf_counter
 from typing import Any
 
 from golden.answers import Answers
-from golden.groups import calibrations, counts, doors, imports, sessions, walls
+from golden.groups import calibrations, imports, readings, sessions, walls
 from golden.inputs import (
-    PRESSURES,
     ROOT,
     SHARED,
     VIRTUAL_EYES,
@@ -30,8 +29,7 @@ Task = tuple[str, str]  # a group, and the name of a piece of its work
 Worker = Callable[[str, dict[str, Path], Path], Answers]
 
 WORKER_OF: Mapping[str, Worker] = {
-    "counts": counts.answers,
-    "doors": doors.answers,
+    "readings": readings.answers,
     "calibrations": calibrations.answers,
     "walls": walls.answers,
     "imports": imports.answers,
@@ -58,7 +56,7 @@ def compute(
         ProcessPoolExecutor(workers, mp_context=context) as pool,
     ):
         folder = Path(place)
-        recordings, failed = _recordings(pool, folder, groups)
+        recordings, failed = _recordings(pool, folder, groups, only_of)
         if failed:
             return {}, failed
         tasks = [
@@ -71,15 +69,17 @@ def compute(
 
 
 def _recordings(
-    pool: ProcessPoolExecutor, folder: Path, groups: tuple[str, ...]
+    pool: ProcessPoolExecutor,
+    folder: Path,
+    groups: tuple[str, ...],
+    only_of: tuple[str, ...],
 ) -> tuple[dict[str, Path], list[str]]:
     """Make the virtual recordings that groups need; add the shared ones."""
-    of_recordings = {"counts", "doors", "calibrations", "walls"}
-    if not of_recordings & set(groups):
+    if not {"readings", "calibrations", "walls"} & set(groups):
         return {}, []
-    names = (
-        list(VIRTUAL_EYES) if set(groups) & of_recordings - {"counts"} else ["plain"]
-    )
+    several = calibrations.SEVERAL if calibrations.TOGETHER in only_of else ()
+    of_eyes = {*several, *(name.partition(" ")[0] for name in only_of)}
+    names = [name for name in VIRTUAL_EYES if not only_of or name in of_eyes]
     made = {pool.submit(make_recording, name, folder / name): name for name in names}
     failed = []
     for done in as_completed(made):
@@ -113,20 +113,11 @@ def _answers(
 def _names(group: str, recordings: Mapping[str, Path]) -> list[str]:
     """Return the names of a group's pieces of work, the longest first."""
     shared = SHARED.is_dir()
-    if group == "doors":
-        uncalibrated = [
-            f"{name}{doors.UNCALIBRATED}"
-            for name in recordings
-            if name in doors.UNCALIBRATED_OF or name not in VIRTUAL_EYES
-        ]
-        classified = [f"{name}{doors.CLASSIFIER}" for name in doors.CLASSIFIER_OF]
-        calibrated = [name for name in recordings if name != PRESSURES]
-        return [*reversed(calibrated), *uncalibrated, *classified]
     return {
-        "counts": ["all"],
+        "readings": readings.names(recordings, VIRTUAL_EYES),
         "calibrations": [calibrations.TOGETHER, *recordings],
         "walls": [*([walls.REAL] if shared else []), *recordings],
-        "imports": [imports.MADE, *([imports.SHARED_FILES] if shared else [])],
+        "imports": [imports.ALL] if shared else [],
         "sessions": sessions.names(),
     }[group]
 

@@ -2,8 +2,6 @@
 shared ones where they are.
 """
 
-import json
-import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import pi
@@ -50,8 +48,6 @@ DAMAGED = "damaged"
 DENSE = "dense"  # of tissue that relaxes
 MOVING = "moving"
 PLANES = "planes"
-PRESSURES = "pressures"  # at rest, which frames.csv states frame by frame
-SECOND_PRESSURE_PA = 530.0
 RELAXATION = "relaxation = [[0.12, 1.2], [0.15, 12.0]]"
 UNEVEN_FORM = """
 [form]
@@ -133,7 +129,6 @@ VIRTUAL_EYES: Mapping[str, VirtualEye] = {
             "seed": 12,
         },
     ),
-    PRESSURES: VirtualEye(arguments={"forces_n": FORCES_N[:4], "seed": 13}),
 }
 
 
@@ -142,8 +137,6 @@ def make_recording(name: str, folder: Path) -> None:
     VIRTUAL_EYES[name].record(folder)
     if name == DAMAGED:
         _damage(folder)
-    if name == PRESSURES:
-        _press(folder)
     if name == DENSE:
         _declare_relaxation(folder)
 
@@ -187,40 +180,6 @@ def _declare_relaxation(recording: Path) -> None:
     place = recording / "recording.toml"
     text = place.read_text(encoding="utf-8")
     place.write_text(text.replace("[eye]", f"[eye]\n{RELAXATION}"), encoding="utf-8")
-
-
-def _press(recording: Path) -> None:
-    """Append the frames of the same eye at another pressure at rest, which frames.csv
-    states.
-    """
-    other = recording.with_name(f"{recording.name}-other")
-    eye = VIRTUAL_EYES[PRESSURES]
-    arguments = {**eye.arguments, "iop_pa": SECOND_PRESSURE_PA}
-    VirtualEye(eye.study, arguments).record(other)
-    first = sf.read_recording(recording)
-    second = sf.read_recording(other)
-    assert first.forces is not None
-    shift_s = float(first.forces.time_s[-1]) + 10.0
-    rows = ["file,time_s,iop_pa"]
-    for opened, later_s in ((first, 0.0), (second, shift_s)):
-        for entry in opened.frames:
-            name = entry.file if opened is first else f"1{entry.file[1:]}"
-            iop_pa = opened.info.eye.iop_pa
-            rows.append(f"{name},{entry.time_s + later_s!r},{iop_pa!r}")
-            if opened is second:
-                shutil.copy(opened.frame_path(entry), recording / "frames" / name)
-
-    (recording / "frames.csv").write_text("\n".join([*rows, ""]), encoding="utf-8")
-    (recording / "forces.csv").unlink()  # two logs have two zeros
-    truth, later = (
-        json.loads((folder / "truth.json").read_text(encoding="utf-8"))
-        for folder in (recording, other)
-    )
-    truth["frames"] += [
-        {**frame, "file": f"1{frame['file'][1:]}"} for frame in later["frames"]
-    ]
-    (recording / "truth.json").write_text(json.dumps(truth), encoding="utf-8")
-    shutil.rmtree(other)
 
 
 def _pixels(file: Path) -> np.ndarray[Any, Any]:

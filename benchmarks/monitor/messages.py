@@ -5,8 +5,7 @@ Bits are flipped, messages cut, lengths and types changed, pieces doubled; half 
 messages then get the right size and checksum, so that the code behind the checksum is
 reached. They go in pieces of any size over connections of 1 to 8 messages; the rest of
 a broken connection is dropped. Everything is sent twice: the first time warms up the
-memory, and a feed counts as slow only if it was slow twice, because the machine has
-other work too (times are this thread's processor times).
+memory.
 """
 
 import ctypes
@@ -17,11 +16,11 @@ import traceback
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import chain, pairwise
 from math import isfinite
 from pathlib import Path
 from random import Random
-from time import perf_counter, thread_time_ns
+from time import perf_counter
 
 import numpy as np
 from fastcrc.crc64 import ecma_182
@@ -46,7 +45,6 @@ from scleraforce.live.network.scanner_frame import FrameAssembler
 
 MESSAGES_A_CONNECTION = (1, 1, 1, 2, 3, 8)
 CAPS_BYTES = (4 * 1024, 64 * 1024, 64 * 1024, 16 * 1024 * 1024)
-SLOW_MS = 0.1  # feeds that take longer are remembered
 LARGE_SHARE = 0.002
 SIZE_PLACE = 42
 PIECE_BYTES = 64 * 1024
@@ -60,14 +58,10 @@ MATRIX = (0.005, 0.0, 0.0, 0.0, 0.01, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 @dataclass
 class Outcome:
-    """Counts of events by type and of images; unexpected exceptions; slow feeds by
-    number.
-    """
+    """Counts of events by type and of images; unexpected exceptions."""
 
     events: Counter[str] = field(default_factory=Counter)
     unexpected: list[str] = field(default_factory=list)
-    feeds: int = 0
-    slow_ms: dict[int, float] = field(default_factory=dict)
 
 
 def messages(*, messages: int = 1_000_000, seed: int = 1) -> int:
@@ -80,22 +74,14 @@ def messages(*, messages: int = 1_000_000, seed: int = 1) -> int:
     Returns:
         1 if there was an exception other than ProtocolError.
     """
-    before = run(messages, seed)
+    run(messages, seed)
     before_bytes = _resident_bytes()
     outcome = run(messages, seed)
-    slow_ms = [
-        min(taken_ms, before.slow_ms[feed])
-        for feed, taken_ms in outcome.slow_ms.items()
-        if feed in before.slow_ms
-    ]
-    outcome.slow_ms.clear()  # ours, not the decoder's
     grown_bytes = _resident_bytes() - before_bytes
     figures = {
         "messages, twice": messages,
         "exceptions other than ProtocolError": len(outcome.unexpected),
         **dict(sorted(outcome.events.items())),
-        "feeds": outcome.feeds,
-        "slowest feed, ms": max(slow_ms, default=SLOW_MS),
         "memory grown in the second run, KiB": grown_bytes // 1024,
         "an image of 512 x 512 of 16 bits, copied to its place, ms": _image_ms(),
     }
@@ -245,20 +231,9 @@ def _connection(
     lend = draw.random() < 0.5
 
     for piece in _pieces(data, draw):
-        steps = _fed(decoder, piece) if lend else iter([decoder.feed(piece)])
-        while True:
-            start_ns = thread_time_ns()
-            events = next(steps, None)
-            taken_ms = (thread_time_ns() - start_ns) * 1e-6
-            if events is None:
-                break
-
-            outcome.feeds += 1
-            if taken_ms > SLOW_MS:
-                outcome.slow_ms[outcome.feeds] = taken_ms
-
-            for event in events:
-                outcome.events.update(_kinds(event, assembler))
+        steps = _fed(decoder, piece) if lend else [decoder.feed(piece)]
+        for event in chain.from_iterable(steps):
+            outcome.events.update(_kinds(event, assembler))
 
         if decoder.broken:
             return

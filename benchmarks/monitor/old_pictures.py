@@ -2,8 +2,7 @@
 frames, and at what cost.
 
 The live frames are of a virtual acquisition at 100 frames a second, each with its own
-speckle and noise. Eyes at rest whose speckle stays are made here: a dome of tissue,
-seen by a phase-stable scanner with noise.
+speckle and noise.
 """
 
 from collections.abc import Iterator, Sequence
@@ -21,11 +20,9 @@ from scleraforce.live.repeated_pictures import ShownPictures
 from scleraforce.recordings.recording_folder import read_recording
 
 Counts = NDArray[np.uint8] | NDArray[np.uint16]
-SIZE = 512, 512
 LIMITS = MonitorLimits()
 SHARES = (0.95, 0.8, 0.6, 0.5, 0.4)
 HALF = slice(256)
-STILL_EYES = ((15, 12), (25, 12), (25, 8), (40, 12), (40, 8))  # dB, bits
 STUCK = {
     "left half stuck": (slice(None), HALF),
     "a quarter stuck": (HALF, HALF),
@@ -47,10 +44,6 @@ def old_pictures(recording: Path, *, frames: int = 300) -> None:
         "of the recording": live,
         "of the recording, 8 bits": [_counts(picture // 16.0) for picture in live],
     }
-    for snr_db, bits in STILL_EYES:
-        name = f"still speckle, {snr_db} dB, {bits} bits"
-        shown[name] = _still_eye(rng, snr_db, bits, frames // 3)
-
     rows = []
     for name, pictures in shown.items():
         _, old, taken_s = _alarm_after(pictures, 0)
@@ -94,27 +87,6 @@ def _alarm_after(
             alarm = number - first + 1
 
     return alarm, sum(back > 0 for back in returns), float(np.median(taken_s))
-
-
-def _still_eye(
-    rng: np.random.Generator, snr_db: float, bits: int, count: int
-) -> list[Counts]:
-    """Return frames of a dome at rest, of fixed speckle."""
-    rows, columns = np.mgrid[: SIZE[0], : SIZE[1]]
-    below = rows - 150 - ((columns - 256) / 256) ** 2 * 120
-    light = np.where((below > 0) & (below < 160), np.exp(-below / 160), 0.0)
-    tissue = 10 ** (snr_db / 20) * light * _normal(rng)
-    white = 2**bits - 1
-    levels_db = (20 * np.log10(np.abs(tissue + _normal(rng))) for _ in range(count))
-    return [
-        np.clip(white * (level_db + 10) / 50, 0, white).astype(np.uint16)
-        for level_db in levels_db
-    ]
-
-
-def _normal(rng: np.random.Generator) -> NDArray[np.complex64]:
-    real, imaginary = rng.standard_normal((2, *SIZE), np.float32)
-    return np.asarray((real + 1j * imaginary) / np.sqrt(2), np.complex64)
 
 
 def _faults(

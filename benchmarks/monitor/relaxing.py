@@ -12,12 +12,10 @@ the monitor starts.
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from markdown_tables import markdown
 from monitor.needle_forces import FRAME_S
@@ -78,12 +76,10 @@ class Course:
 
 @dataclass(frozen=True)
 class Played:
-    """A session up to its withdrawal: times, elastic, felt and read forces and
-    intervals, (frame,); the cause.
+    """A session up to its withdrawal: felt and read forces and intervals, (frame,); the
+    cause.
     """
 
-    time_s: Floats
-    elastic_n: Floats
     felt_n: Floats
     read_n: Floats
     low_n: Floats
@@ -91,13 +87,12 @@ class Played:
     cause: str
 
 
-def relaxing(*, eyes: int = 100, seed: int = 7, figure: Path | None = None) -> None:
+def relaxing(*, eyes: int = 100, seed: int = 7) -> None:
     """Ramps on eyes that relax: the force at which they are stopped.
 
     Args:
         eyes: how many.
         seed: of the eyes.
-        figure: picture of the first eye after three pushes.
     """
     drawn = [
         _drawn_eye(np.random.default_rng((seed, number))) for number in range(eyes)
@@ -111,8 +106,6 @@ def relaxing(*, eyes: int = 100, seed: int = 7, figure: Path | None = None) -> N
             played.append(_played(eye, course(rate_n_s, rng), rng))
 
         rows.append([name, *_cells(played)])
-        if figure is not None and course is _after_pushes:
-            _draw(figure, played[0])
 
     head = ["ramp", "stopped below 30 mN", "at a force of, mN", "read off by, mN"]
     print(markdown([*head, "90 % intervals hold", "causes"], rows))
@@ -175,12 +168,9 @@ def _played(eye: RelaxingEye, course: Course, rng: np.random.Generator) -> Playe
             answer, opinion = opinion.read(dents[1], CLASSES_N, at_s)
             decisions.ask(answer.verdict, at_s, number)
 
-    end = len(read_fc)
-    felt_n = path.felt_n(time_s)
+    felt_n = path.felt_n(time_s)[: len(read_fc)]
     read_n, low_n, high_n = np.array(read_fc).T
-    return Played(
-        time_s[:end], elastic_n[:end], felt_n[:end], read_n, low_n, high_n, cause
-    )
+    return Played(felt_n, read_n, low_n, high_n, cause)
 
 
 def _dent_read(elastic_n: float) -> Answer:
@@ -256,27 +246,3 @@ def _cells(played: list[Played]) -> list[str]:
         f"{holds[felt].mean():.0%}",
         ", ".join(f"{count} {cause}" for cause, count in causes.most_common()),
     ]
-
-
-def _draw(path: Path, played: Played) -> None:
-    """Draw one session: elastic, felt and read force."""
-    figure = Figure(figsize=(7.0, 3.5), layout="constrained")
-    axes = figure.subplots()
-    axes.fill_between(
-        played.time_s,
-        1e3 * played.low_n,
-        1e3 * played.high_n,
-        alpha=0.25,
-        label="90 % interval",
-    )
-    for label, force_n, width in (
-        ("elastic force of the dent, Fe", played.elastic_n, 1.5),
-        ("force on the needle, F", played.felt_n, 1.5),
-        ("read", played.read_n, 0.8),
-    ):
-        axes.plot(played.time_s, 1e3 * force_n, label=label, linewidth=width)
-
-    axes.axhline(1e3 * LIMITS.bound_n, color="0.5", linestyle=":")
-    axes.set(xlabel="time, s", ylabel="force, mN")
-    axes.legend(loc="upper left")
-    figure.savefig(path)

@@ -6,11 +6,8 @@ from dataclasses import dataclass, replace
 
 from monitor.needle_forces import FRAME_S
 from monitor.pictures import Frame
-from scleraforce.live.companions.eye_learning import EyeLearner
-from scleraforce.live.companions.process_messages import OpinionAsked
 from scleraforce.live.decision.decide import Decision, decide
 from scleraforce.live.decision.events import (
-    Cause,
     FrameRead,
     MonitorEvent,
     QueueLoss,
@@ -117,22 +114,15 @@ class Decisions:
 
 
 class Watch:
-    """A monitor with one declaration of an eye, which it may learn."""
+    """A monitor with one declaration of an eye."""
 
     def __init__(
-        self,
-        reader: ForceReader,
-        setup: Setup,
-        limits: MonitorLimits,
-        learner: EyeLearner | None = None,
-        opinion_every: int = OPINION_EVERY,
+        self, reader: ForceReader, setup: Setup, limits: MonitorLimits
     ) -> None:
         stiffness_n_m = reader.steepest_n_m(setup) or limits.stiffness_n_m
-        self.setup = setup
+        self._setup = setup
         self.decisions = Decisions(replace(limits, stiffness_n_m=stiffness_n_m))
         self._reader = reader
-        self._learner = learner
-        self._opinion_every = opinion_every
         self._scale = PixelScale.of(reader.study.oct)
         self._live = EyeReader(reader, setup, by="network")
         self._memory = self._live.start(monitored=True)
@@ -165,49 +155,8 @@ class Watch:
             shown_back=shown_back,
         )
         withdrawal = self.decisions.hear(event, at_s)
-        opinion = None
-        if number % self._opinion_every == 0:
-            opinion = self._reader.read(frame, self._scale, self.setup)
+        if number % OPINION_EVERY == 0:
+            opinion = self._reader.read(frame, self._scale, self._setup)
             self.decisions.ask(opinion.verdict, at_s, number)
 
-        if self._learner:
-            teaches = answer.usable and shown_back == 0
-            self._learn(self._learner, teaches, opinion, at_s, number)
-
         return answer, withdrawal
-
-    def _learn(
-        self,
-        learner: EyeLearner,
-        teaches: bool,
-        opinion: Answer | None,
-        at_s: float,
-        number: int,
-    ) -> None:
-        """Tell the learner of a frame, as the service does; read later frames with the
-        E that it has learned.
-        """
-        decision = self.decisions.last
-        assert decision is not None
-        asked = OpinionAsked(
-            number=number,
-            order=number,
-            at_s=at_s,
-            teaches=teaches and decision.state is State.WATCHING,
-            pierced=Cause.PIERCED in (decision.cause, decision.present_cause),
-        )
-        learner.hear(asked)
-        if opinion:
-            learner.show(asked, opinion, self._scale)
-
-        learned = learner.learned(at_s)
-        adopted = self._live.with_eye(learned.setup.eye) if learned else self._live
-        if learned is None or adopted is self._live:
-            return
-
-        self._live = adopted
-        self.setup = learned.setup
-        stiffness_n_m = self._reader.steepest_n_m(learned.setup)
-        if stiffness_n_m is not None:
-            limits = replace(self.decisions.limits, stiffness_n_m=stiffness_n_m)
-            self.decisions.limits = limits

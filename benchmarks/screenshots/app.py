@@ -1,26 +1,23 @@
 """A session in the app, from a stack and a log to forces: docs/images/app_*.png.
 
-PYTHONPATH=benchmarks python -m screenshots.app [--out docs/images]
+PYTHONPATH=benchmarks python -m screenshots.app
 """
 
-import argparse
 from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Thread
 
-import cv2
 import numpy as np
 import tifffile
-from playwright.sync_api import Page, expect, sync_playwright
+from playwright.sync_api import Page, expect
 
 import scleraforce as sf
-from monitor.browser import CHROMIUM
+from monitor.browser import chromium, keep_picture
 from scleraforce.front.app.app_server import HOST, listen_locally, server_of
 from scleraforce.front.app.asked_jobs import CommandWords
 from scleraforce.front.cli.field_flags import flag_of, json_in_flags
 
-IMAGES = Path(__file__).parents[2] / "docs" / "images"
 FORCES_N = tuple(1e-3 * force for force in (3, 9, 15, 21, 27, 33, 39, 31, 23, 16, 8, 4))
 OFFSET_S = 7.0
 TOKEN = "screenshots"
@@ -76,34 +73,25 @@ def write_sources(folder: Path) -> list[str]:
 
 def main() -> None:
     """Serve an empty folder, go through the five steps, and keep a picture of each."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--out", type=Path, default=IMAGES)
-    out = parser.parse_args().out
-
-    with TemporaryDirectory() as folder, sync_playwright() as playwright:
+    with TemporaryDirectory() as folder, chromium() as browser:
         sources = write_sources(Path(folder))
         work = Path(folder, "session")
         work.mkdir()
         listener = listen_locally(0)
         server = server_of(work, listener, TOKEN, SPELLED)
         Thread(target=server.run, args=([listener],), daemon=True).start()
-        browser = playwright.chromium.launch(
-            executable_path=CHROMIUM, args=["--no-sandbox"]
-        )
         page = browser.new_page(viewport={"width": 1280, "height": 860})
         page.set_default_timeout(WAIT_MS)
         expect.set_options(timeout=WAIT_MS)
         page.goto(f"http://{HOST}:{listener.getsockname()[1]}/?token={TOKEN}")
 
         with suppress(KeyboardInterrupt):
-            _session(page, sources, out)
+            _session(page, sources)
 
         server.should_exit = True
 
 
-def _session(page: Page, sources: list[str], out: Path) -> None:
+def _session(page: Page, sources: list[str]) -> None:
     page.set_input_files("#files", sources)
     expect(page.locator("#source-size")).to_contain_text(f"{len(FORCES_N)} frames")
     picture = page.locator("#source-picture").bounding_box()
@@ -114,7 +102,7 @@ def _session(page: Page, sources: list[str], out: Path) -> None:
     page.mouse.move(picture["x"] + 0.9 * picture["width"], y, steps=5)
     page.mouse.up()
     page.fill("#bar-mm", "12")
-    _keep(page, out, "import")
+    _keep(page, "import")
     page.click("#bar-take")
 
     for name, text in GIVEN.items():
@@ -128,14 +116,14 @@ def _session(page: Page, sources: list[str], out: Path) -> None:
     page.fill("#import-out", "mine")
     expect(page.locator("#import-command")).to_contain_text("--out=mine")
     page.locator("#log").scroll_into_view_if_needed()
-    _keep(page, out, "clocks", "#log")
+    _keep(page, "clocks", "#log")
     page.click("#import-run")
     expect(page.locator("#place")).to_contain_text(f"1 of {len(FORCES_N)}")
     page.keyboard.press("ArrowRight")
     expect(page.locator("#place")).to_contain_text("2 of")
     page.click("[data-step=correct]")
     expect(page.locator("#verdict")).to_contain_text("mN")
-    _keep(page, out, "correct")
+    _keep(page, "correct")
     page.click("[data-step=calibrate]")
     page.check("#calibrate .recordings input")
     page.click("#calibrate-run")
@@ -145,23 +133,14 @@ def _session(page: Page, sources: list[str], out: Path) -> None:
     page.select_option("#read-calibration", "calibration.json")
     page.click("#read-run")
     expect(page.locator("#read-result table")).to_be_visible()
-    _keep(page, out, "read")
+    _keep(page, "read")
 
 
-def _keep(page: Page, out: Path, name: str, part: str | None = None) -> None:
-    path = out / f"app_{name}.png"
+def _keep(page: Page, name: str, part: str | None = None) -> None:
     page.evaluate("window.scrollTo(0, 0)")
     page.wait_for_timeout(700)  # pictures of the strip arrive
-
-    if part is None:
-        page.screenshot(path=path)
-    else:
-        page.locator(part).screenshot(path=path)
-
-    shown = cv2.imread(str(path))
-    assert shown is not None
-    cv2.imwrite(str(path), shown, (cv2.IMWRITE_PNG_COMPRESSION, 9))
-    print(f"{path}: {page.text_content('#fault') or 'no fault'}", flush=True)
+    keep_picture(page if part is None else page.locator(part), f"app_{name}")
+    print(f"{name}: {page.text_content('#fault') or 'no fault'}", flush=True)
 
 
 if __name__ == "__main__":

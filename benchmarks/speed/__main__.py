@@ -1,8 +1,8 @@
 """`make bench`: every figure of speed from one run, beside what one would use instead.
 
-Each part runs in a process of its own. RESULTS.md, results.json and a picture are
-written when all of them are done; a run that is interrupted writes nothing. Parts that
-are named are only printed.
+Each part runs in a process of its own. RESULTS.md and results.json are written when all
+of them are done; a run that is interrupted writes nothing. Parts that are named are
+only printed.
 """
 
 import json
@@ -23,10 +23,9 @@ from scleraforce.base.errors import InputError, ScleraforceError
 from scleraforce.base.plain_json import finite_json
 from scleraforce.base.whole_files import KINDS, read_text, write_whole
 from scleraforce.front.cli.output import progress_bar
-from scleraforce.front.report.figure_files import write_figure
 from speed.lock import alone
 from speed.machine import machine_in_words
-from speed.page import PICTURE, as_markdown, table_lines
+from speed.page import as_markdown, table_lines
 from speed.parts import (
     another_load,
     axisymmetric,
@@ -35,15 +34,12 @@ from speed.parts import (
     dataset,
     finite_strain,
     frame,
-    network,
-    pipeline,
     reader_training,
     static_solve,
     wire,
 )
-from speed.picture import draw_solves
 from speed.record import Results, Table, failed_table, table_of
-from speed.run import OPTIONS, ROOT, Run
+from speed.run import ROOT, Run
 
 # axisymmetric leaves the library to later parts, dataset the data set
 PARTS: dict[str, Callable[[Run], Table]] = {
@@ -57,10 +53,8 @@ PARTS: dict[str, Callable[[Run], Table]] = {
         classifier,
         reader_training,
         frame,
-        network,
         wire,
         commands,
-        pipeline,
     )
 }
 FIGURES = "results.json"
@@ -77,29 +71,26 @@ _flag = partial(click.option, is_flag=True)
 @click.argument("names", metavar="[PART]...", nargs=-1, type=click.Choice(list(PARTS)))
 @_flag("--quick", help="Every part small, in some minutes: the figures mean nothing.")
 @_flag("--training", help="Train the reader to the end (five minutes more).")
-@_flag("--reproduce", help="Run `scleraforce reproduce` (ten minutes more).")
-@_flag("--tests", help="Run the default tests (some minutes more).")
-@_flag("--render", help="Only write page and picture anew from results.json.")
+@_flag("--render", help="Only write the page anew from results.json.")
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
-    help="Folder of page, figures and picture; out/bench with --quick.",
+    help="Folder of page and figures; out/bench with --quick.",
 )
 @click.option("--folder", type=click.Path(path_type=Path), hidden=True)
 def main(
     names: tuple[str, ...],
     quick: bool,
+    training: bool,
     render: bool,
     out: Path | None,
     folder: Path | None,
-    **given: bool,
 ) -> None:
     """Measure speed: all of it, written to files, or the PARTs that are named,
     printed.
     """
-    options = tuple(name for name in OPTIONS if given[name])
     if folder is not None:  # a part, for the process that runs them all
-        table = PARTS[names[0]](Run(quick, folder, options))
+        table = PARTS[names[0]](Run(quick, folder, training))
         click.echo(json.dumps(asdict(table), allow_nan=False))
         return
     if names and (out or render):
@@ -109,7 +100,7 @@ def main(
 
     out = out or (QUICK_FOLDER if quick else USUAL_FOLDER)
     if render:
-        click.echo(f"wrote {', '.join(map(str, _render(out)))}")
+        click.echo(f"wrote {_render(out)}")
         return
 
     start = perf_counter()
@@ -119,7 +110,7 @@ def main(
         alone(),
         TemporaryDirectory(prefix="bench-", ignore_cleanup_errors=True) as folder_name,
     ):
-        tables = _tables(names or tuple(PARTS), Run(quick, Path(folder_name), options))
+        tables = _tables(names or tuple(PARTS), Run(quick, Path(folder_name), training))
 
     if names:
         for table in tables.values():
@@ -136,7 +127,7 @@ def main(
     out.mkdir(parents=True, exist_ok=True)
     plain = finite_json(results.as_json())
     write_whole(json.dumps(plain, indent=1, allow_nan=False) + "\n", out / FIGURES)
-    click.echo(f"wrote {', '.join(map(str, [out / FIGURES, *_render(out)]))}")
+    click.echo(f"wrote {out / FIGURES}, {_render(out)}")
 
     if failed := [name for name, table in tables.items() if table.failed]:
         raise ScleraforceError(f"{', '.join(failed)}: failed; RESULTS.md says how")
@@ -156,7 +147,7 @@ def _in_process(name: str, run: Run) -> Table:
     """Run a part in a process of its own; what it says goes to standard error."""
     command = [sys.executable, "-m", "speed", name, "--folder", str(run.folder)]
     command += ["--quick"] if run.quick else []
-    command += [f"--{option}" for option in run.options]
+    command += ["--training"] if run.training else []
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:
             told, _ = process.communicate()
@@ -175,8 +166,8 @@ def _in_process(name: str, run: Run) -> Table:
     return table_of(json.loads(told.splitlines()[-1]))
 
 
-def _render(out: Path) -> list[Path]:
-    """Write page and picture of the figures that are kept in a folder.
+def _render(out: Path) -> Path:
+    """Write the page of the figures that are kept in a folder.
 
     Raises:
         InputError: they cannot be read.
@@ -189,9 +180,8 @@ def _render(out: Path) -> list[Path]:
             f"{out / FIGURES}: not the figures of a run ({fault})"
         ) from fault
 
-    write_figure(draw_solves(results.tables["static_solve"].rows), out / PICTURE)
     write_whole(as_markdown(results), out / PAGE)
-    return [out / PICTURE, out / PAGE]
+    return out / PAGE
 
 
 if __name__ == "__main__":

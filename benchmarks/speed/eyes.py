@@ -1,18 +1,15 @@
 """Frames of virtual eyes, drawn from the library of the bundled reader."""
 
 from dataclasses import dataclass
-from math import exp, log
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from predicted_walls import Walls, formed_wall
-from scleraforce.fit.unknowns import DEPTH, GAP, IOP, MODULUS, NAMES, THICKNESS, TIP
 from scleraforce.lab.drawn_bscan import render_bscan
-from scleraforce.lab.tissue_light import sample_optics
+from scleraforce.lab.tissue_light import Pose, sample_optics
 from scleraforce.library import Library
-from scleraforce.mechanics.contact_and_section import WallSection
+from scleraforce.library.plane_cut import cut_surfaces
 from scleraforce.reading.load_model import load_force_reader
 from scleraforce.reading.reading_models import ForceReader
 from scleraforce.records.eye import Eye, Modulus
@@ -22,6 +19,8 @@ from scleraforce.records.needle import Needle
 from scleraforce.records.scan import PixelScale
 from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
+
+SURFACE_M = 0.45e-3  # of the undented wall below the frame's top
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,30 +61,17 @@ def _draw_eye(
         float(library.largest_force_ratio(*wall)[0]),
         study.needle.max_force_n / modulus_pa,
     )
-    unknown = np.zeros((1, len(NAMES)))
-    unknown[0, [MODULUS, IOP, THICKNESS, GAP, DEPTH]] = (
-        log(modulus_pa),
-        log(iop_pa),
-        thickness_m,
-        gap_m,
-        0.45e-3,
+    ratio = np.array([0.999 * largest * rng.random()])
+    curves_bnc = library.curves(*wall, ratio).curves_sbnc[0]
+    section = Pose(lateral_m=0.0, depth_m=SURFACE_M).place(
+        cut_surfaces(curves_bnc, gap_m, 0.0)
     )
-    unknown[0, TIP] = library.tips(*wall, np.array([0.999 * largest * rng.random()]))[0]
-    curves = formed_wall(Walls(library), unknown[0])
-    ahead = [np.concatenate([[True], np.diff(curve[:, 0]) > 1e-9]) for curve in curves]
-    section = WallSection(
-        *(curve[kept] for curve, kept in zip(curves, ahead, strict=True))
-    )
-    frame = render_bscan(
-        section, study.oct, sample_optics(study.phantom, study.oct, rng), rng
-    ).frame
-
+    optics = sample_optics(study.phantom, study.oct, rng)
+    frame = render_bscan(section, study.oct, optics, rng).frame
     return frame, Setup(
         eye=Eye(
             globe=OPEN,
-            modulus=Modulus(
-                mean_pa=exp(log(modulus_pa)), sd_pa=0.015 * modulus_pa, source="own"
-            ),
+            modulus=Modulus(mean_pa=modulus_pa, sd_pa=0.015 * modulus_pa, source="own"),
             iop_pa=iop_pa,
             thickness_m=thickness_m,
         ),

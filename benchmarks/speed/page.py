@@ -3,7 +3,6 @@
 from markdown_tables import markdown, number
 from speed.record import QUOTED, Results, Row, Table
 
-PICTURE = "static_solves.png"
 HEAD = ["", "value", "spread", "beside it", "ratio", "goal"]
 QUICK = (
     "**A quick run: sizes are reduced, and the figures say only that every part"
@@ -27,10 +26,8 @@ def as_markdown(results: Results) -> str:
     lines += [f"- {name}: {words}" for name, words in results.machine.items()]
     lines += [f"- the run took {results.seconds / 60.0:.1f} minutes", ""]
     lines += ["## Goals", "", markdown(HEAD, map(_cells, goals)), ""]
-    for name, table in tables.items():
+    for table in tables.values():
         lines += [f"## {table.title}", "", *table_lines(table), ""]
-        if name == "static_solve":
-            lines += [f"![Error over time of the static solves]({PICTURE})", ""]
 
     return "\n".join(lines)
 

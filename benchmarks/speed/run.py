@@ -8,7 +8,6 @@ from time import perf_counter
 from scleraforce.records.study import Study, read_study
 
 ROOT = Path(__file__).parents[2]
-OPTIONS = ("training", "reproduce", "tests")  # what takes too long to be done each time
 QUICK_STUDY = Path(__file__).with_name("quick.toml")
 
 
@@ -19,17 +18,12 @@ class Run:
     Attributes:
         quick: at reduced sizes.
         folder: shared results of the parts: data set, library, recording.
-        options: entries of `OPTIONS` that are done in full; a quick run does all of
-            them, reduced.
+        training: train the reader to the end.
     """
 
     quick: bool
     folder: Path
-    options: tuple[str, ...] = ()
-
-    def full(self, option: str) -> bool:
-        """Return True if long work is done from end to end."""
-        return self.quick or option in self.options
+    training: bool = False
 
     def count(self, usual: int, quick: int) -> int:
         """Return how often, or how large."""

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from effects import contents
 
-from figures import commands, readings, recordings
-from figures.commands import answers, made_by
+from figures import readings, recordings, reuse
 from figures.declared import as_declared, declare
 from figures.eyes import Lean
 from figures.folder import FiguresFolder
@@ -20,7 +19,7 @@ from figures.readings import Method
 from figures.recordings import MadeEye, lowest_m
 from figures.scores import AnsweredFrame, score
 from figures.sections import bend_leaning, compute_eye
-from figures.table import COLUMNS, GroupResult, ModulusErrors, as_json, as_markdown
+from figures.table import COLUMNS, GroupResult, ModulusErrors, as_markdown
 from provenance import __main__ as provenance_main, behaviour as provenance_behaviour
 from provenance.fingerprint import item
 from provenance.stamps import new_stamp, read_stamps
@@ -181,26 +180,24 @@ def test_a_moving_eye_is_computed_at_its_turned_contacts_and_its_frames_are_imag
 
 
 @pytest.mark.slow
-def test_an_eye_that_a_worker_of_a_cluster_sends_is_the_one_made_here_from_the_same_sources(
-    tmp_path, monkeypatch
-):
+def test_eyes_that_workers_make_are_made_once_and_are_those_made_here(tmp_path):
     drawn = draw_eyes("plain", 1, Study(oct=OctStudy(columns=128, rows=96)))[0]
     coarse = replace(drawn.study, mesh=replace(drawn.study.mesh, core=2, rings=4))
     drawn = replace(drawn, study=coarse, shares=(0.1, 0.2))
     there = FiguresFolder(tmp_path / "a")
     here = FiguresFolder(tmp_path)
-    sent = recordings._making((drawn,))(0)
-    recordings._write_sent(there, drawn, sent)
+    done = []
+    for found_done in ([0, 1], [1]):
+        assert recordings.make_recordings(there, [drawn], 2, done.append) == ()
+        assert done == found_done
+        done.clear()
+
     recordings.make_eye(here, drawn)
     assert (
         recordings.read_made(there, drawn).files
         == recordings.read_made(here, drawn).files
     )
     assert contents(there.path / "recordings") == contents(here.path / "recordings")
-    monkeypatch.setattr(recordings, "hash_sources", lambda *_: "another")
-
-    with pytest.raises(ScleraforceError, match="a worker has other sources"):
-        recordings._write_sent(there, drawn, sent)
 
 
 def test_leaning_needles_are_calibrated_in_another_recording_at_another_lean():
@@ -256,38 +253,32 @@ def test_plain_and_harder_eyes_are_the_same_in_every_run():
 def test_calibration_frames_are_left_out_of_every_method(tmp_path, monkeypatch):
     eyes = draw_eyes("sealed", 2, STUDY)
     files = tuple(f"{number:04}.png" for number in range(1, 6))
-    made = MadeEye(files, 0.05, np.full(5, 0.02), np.zeros(5), np.zeros((5, 2)))
+    made = MadeEye(files, np.full(5, 0.02), np.zeros(5), np.zeros((5, 2)))
     used = {
         drawn.setup.eye.name: SimpleNamespace(
             frames=[SimpleNamespace(file=file) for file in files[1:4]]
         )
         for drawn in eyes
     }
-    known = {
-        "target": 1,
-        "measured_force_mn": 20.0,
-        "predicted": 1,
-        "usable": True,
-        "excluded": None,
-    }
+    answer = SimpleNamespace(predicted=1, usable=True, force_n=None, interval_n=None)
+    known = {"target": 1, "excluded": None, "answer": answer}
 
-    def evaluated(_out, command):
-        return {
-            "frames": [
-                {"eye": command[2].name, "file": file, **known} for file in files
+    def evaluated(_model, recordings, _calibration):
+        return SimpleNamespace(
+            frames=[
+                SimpleNamespace(eye=recordings[0].name, file=file, **known)
+                for file in files
             ]
-        }
+        )
 
     monkeypatch.setattr(readings, "read_made", lambda *_: made)
     monkeypatch.setattr(readings, "calibrated_eyes", lambda *_: used)
-    monkeypatch.setattr(
-        readings, "_calibration", lambda *_: tmp_path / "calibration.json"
-    )
-    monkeypatch.setattr(readings, "answers", evaluated)
+    monkeypatch.setattr(readings, "calibration_of", lambda *_: None)
+    monkeypatch.setattr(readings.sf, "evaluate", evaluated)
 
     for method in (
-        Method("fit", "", tmp_path),
-        Method("paper", "", tmp_path, calibrated=False),
+        Method("fit", "", SimpleNamespace()),
+        Method("paper", "", SimpleNamespace(), calibrated=False),
     ):
         answered = readings.read_frames(FiguresFolder(tmp_path), eyes, method)
         assert [(entry.eye, entry.file) for entry in answered] == [
@@ -312,7 +303,7 @@ def test_tables_and_picture_have_every_group(tmp_path):
     }
     moduli = [ModulusErrors(3, (0.01, -0.02), 1)]
     results = [
-        GroupResult(group, 2, len(frames), 0, 0, {method: score(frames)}, moduli)
+        GroupResult(group, 2, len(frames), {method: score(frames)}, moduli)
         for group, frames in answers.items()
     ]
     rows = [
@@ -331,12 +322,7 @@ def test_tables_and_picture_have_every_group(tmp_path):
         )
 
     assert read_mn["living"]["not usable, %"] == "100.0, 1 whole eyes"
-    found = json.loads(json.dumps(as_json(results), allow_nan=False))
-    assert found["plain"]["methods"]["fit"]["as_safe"] == {
-        "share": 0.0,
-        "hits": 0,
-        "of": 1,
-    }
+    assert read_mn["plain"]["above 35 mN read below 30"] == "0 of 1"
     shown = [
         axes for axes in draw_forces(answers, (5.0, 30.0)).axes if axes.get_visible()
     ]
@@ -358,7 +344,6 @@ def test_the_lowest_point_of_a_boundary_is_sought_between_the_black_bands():
     assert inner_m == pytest.approx(2.7e-3 + shown.pose.depth_m, abs=1e-6)
     made = MadeEye(
         ("a", "b"),
-        0.06,
         np.zeros(2),
         np.zeros(2),
         np.array([[3.9e-3, 4.5e-3], [4.1e-3, 4.9e-3]]),
@@ -366,52 +351,27 @@ def test_the_lowest_point_of_a_boundary_is_sought_between_the_black_bands():
     assert made.in_window(4e-3).tolist() == [True, False]
 
 
-def test_a_result_is_made_anew_with_other_words_another_input_or_another_behaviour(
-    tmp_path, monkeypatch
-):
+def test_a_result_is_made_anew_with_another_key_or_behaviour(tmp_path, capsys):
     runs = []
-    monkeypatch.setattr(
-        commands, "_run", lambda words: runs.append(words) or '{"frames": []}'
-    )
-    given = tmp_path / "given"
-    out = tmp_path / "answers" / "kept.json"
-    given.mkdir()
-    (given / "model.json").write_text("one")
+    out = tmp_path / "eyes" / "kept"
 
-    def runs_after(*words):
-        answers(out, ["evaluate", given, *words])
+    def make(part):
+        runs.append(part)
+        part.mkdir()
+
+    def runs_after(key):
+        assert reuse.made(out, key, make) == out
         return len(runs)
 
-    assert [runs_after(), runs_after()] == [1, 1]
-    assert [runs_after("--more"), runs_after("--more")] == [2, 2]
-    (given / "model.json").write_text("two")
-    assert [runs_after("--more"), runs_after("--more")] == [3, 3]
-    commands.write_key(given, "made otherwise")
-    assert [runs_after("--more"), runs_after("--more")] == [4, 4]
-
-    for value, runs_then in ((1.0, 5), (1.0 + 1e-9, 5), (1.1, 6)):
-        commands.take_up(tmp_path, {"forces": item([value])})
-        assert [runs_after("--more"), runs_after("--more")] == [runs_then] * 2
-
-
-@pytest.mark.slow
-def test_a_command_is_run_once_and_what_it_left_unfinished_is_removed(tmp_path, capsys):
-    out = tmp_path / "made" / "recording"
-    (out.parent / ".recording.partial").mkdir(parents=True)
-    small = ["--forces-mn", "2", "--thickness-um", "500"]
-    with pytest.raises(ScleraforceError, match="phantom: exit code 2"):
-        made_by(out, ["phantom", "--forces-mn", "-2"])
-
-    assert not out.exists()
-    assert not (out.parent / ".recording.partial").exists()
-    out.mkdir()
-    (out / "old").write_text("")
-    made_by(out, ["phantom", *small])  # without a key it is made again
-    assert not (out / "old").exists()
+    (out.parent / ".kept.partial").mkdir(parents=True)  # of an interrupted run
+    assert [runs_after("one"), runs_after("one")] == [1, 1]
+    assert capsys.readouterr().err == ""
+    assert [runs_after("two"), runs_after("two")] == [2, 2]
     assert "made again" in capsys.readouterr().err
-    (out / "mark").write_text("")
-    assert made_by(out, ["phantom", *small]) == out  # it is there: nothing is run
-    assert (out / "mark").exists()
+
+    for value, runs_then in ((1.0, 3), (1.0 + 1e-9, 3), (1.1, 4)):
+        reuse.take_up(tmp_path, {"forces": item([value])})
+        assert [runs_after("two"), runs_after("two")] == [runs_then] * 2
 
 
 def test_new_tables_replace_the_old_ones(tmp_path):

@@ -21,7 +21,7 @@ from speed.lock import alone
 from speed.page import as_markdown
 from speed.parts.reader_training import Course
 from speed.record import Results, Row, Table, failed_table, spread
-from speed.run import Run, in_turns
+from speed.run import in_turns
 
 ROOT = Path(__file__).parents[2]
 ROW = Row(
@@ -54,10 +54,8 @@ PARTS = (
     "classifier",
     "reader_training",
     "frame",
-    "network",
     "wire",
     "commands",
-    "pipeline",
 )
 
 
@@ -78,7 +76,6 @@ def test_a_page_has_each_row_beside_its_goal_and_names_a_failed_part(
         with_row(replace(ROW, source="NUMBERS, another day"))
     )
     assert "| - |" in as_markdown(with_row(replace(ROW, value=None)))
-    assert (tmp_path / "static_solves.png").stat().st_size > 10_000
 
 
 def with_row(row: Row) -> Results:
@@ -104,9 +101,7 @@ def test_invalid_requests_are_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "RESULTS.md").exists()
 
 
-def test_work_is_done_in_turns_and_its_spread_leaves_a_tenth_on_either_side(
-    tmp_path: Path,
-) -> None:
+def test_work_is_done_in_turns_and_its_spread_leaves_a_tenth_on_either_side() -> None:
     done: list[str] = []
     taken = in_turns({"a": lambda: done.append("a"), "b": lambda: done.append("b")}, 2)
     assert done == ["a", "b", "a", "b"]
@@ -115,9 +110,6 @@ def test_work_is_done_in_turns_and_its_spread_leaves_a_tenth_on_either_side(
         "value": 5.0,
         "spread": (1.0, 9.0),
     }
-    assert [
-        Run(quick, tmp_path, ("tests",)).full("reproduce") for quick in (True, False)
-    ] == [True, False]
 
 
 def test_the_time_of_a_whole_training_follows_from_a_part_of_it() -> None:
@@ -185,26 +177,10 @@ def test_a_quick_run_measures_every_row(tmp_path: Path) -> None:
             value is not None and isfinite(value) for value in row["more"].values()
         ), row
 
-    assert sum(row["goal"] is not None for row in rows) == 17
+    assert sum(row["goal"] is not None for row in rows) == 23
     assert page == as_markdown(Results.from_json(plain))
-    assert (tmp_path / "out" / "static_solves.png").stat().st_size > 10_000
     (stamp,) = read_stamps(tmp_path / "out" / "RESULTS.md")
     assert stamp.made_by == "make bench"
-
-
-@pytest.mark.slow
-def test_the_cost_of_a_data_set_is_a_table(tmp_path: Path) -> None:
-    words = ["--images", "20", "40", "--processes", "1"]
-    done = subprocess.run(
-        [sys.executable, "-m", "speed.scale", *words],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=environment(tmp_path),
-    )
-    assert done.returncode == 0, done.stderr
-    assert "| 40 | 1 | " in done.stdout
-    assert "nan" not in done.stdout
 
 
 def environment(folder: Path) -> dict[str, str]:

@@ -1,81 +1,29 @@
 """How far the mechanics depends on its mesh: the figures of docs/physics.md,
 "Accuracy".
 
-R1 and R2 are the project's reference problems (`reference_r1.py`, `reference_r2.py`):
-linear on several even meshes, and at finite strain on equiangular quads. The order of
-the strain energy is that of three meshes under a smooth load. Graded meshes are
-compared with an even one at finite strain, under the product's disc, weight and
-pressure that follows. Tips are in mm.
+R2 (`reference_r2.py`) is another program's, at finite strain on equiangular quads.
+Graded meshes are compared with an even one under the product's disc, weight and
+pressure that follows. Tips are in mm. `make bench` has the linear meshes (R1).
 """
 
 from collections.abc import Iterator
 from itertools import islice
-from typing import Any
 
 import click
 import numpy as np
 
-import reference_r1 as r1
 import reference_r2 as r2
 from figures.printing import ROWS, listed, print_table, whole_number
 from figures.pushed_walls import CONTACT, NU, RADIUS_M, push
-from reference_walls import symmetric_base, wall_mesh
 from scleraforce.mechanics.contact_and_section import Contact
 from scleraforce.mechanics.finite_strain_wall import FiniteWall
 from scleraforce.mechanics.graded_mesh import graded_mesh
 from scleraforce.mechanics.hexahedral_mesh import build_mesh
-from scleraforce.mechanics.linear_wall import LinearWall, tip_displacement
 from scleraforce.mechanics.load_path_tracing import PathEnd
 
-Mesh = dict[str, Any]  # keywords of `wall_mesh`
-
-EVEN_MESHES: dict[str, Mesh] = {
-    "10 quads, 27 nodes": {"divisions": 10, "level": 0},
-    "default: 20 quads, 27 nodes": {},
-    "20 quads, 20 nodes": {"twenty_nodes": True},
-    "20 quads, 27 nodes, 2 layers": {"layers": 2},
-    "paper: 40 quads, 8 nodes, 2 layers": {"level": 2, "order": 1, "layers": 2},
-    "40 quads, 8 nodes, 3 layers": {"level": 2, "order": 1, "layers": 3},
-}
-FAMILIES: dict[str, tuple[tuple[int, ...], Mesh]] = {
-    "8 nodes": ((8, 16, 32), {"order": 1, "layers": 2}),
-    "20 nodes": ((4, 8, 16), {"twenty_nodes": True}),
-    "27 nodes": ((4, 8, 16), {}),
-}
 WALLS = ((0.8e-3, 0.38e6), (0.5e-3, 0.22e6))  # m, Pa
 MORE_RINGS = 10  # of the finer graded mesh
 DENSITY_KG_M3 = 1100.0
-
-
-def r1_rows(rows: int | None) -> Iterator[list[object]]:
-    """Yield R1's displacement along the load, and its ratio to the converged one."""
-    for name, kind in islice(EVEN_MESHES.items(), rows):
-        for thickness_m, converged_mm in r1.CONVERGED_MM.items():
-            mesh = wall_mesh(RADIUS_M, thickness_m, **kind)
-            load_nc = r1.gaussian_load(mesh, r1.CONTACT, r1.SPREAD_M)
-            u = LinearWall(mesh, NU).solve_one(load_nc) * r1.FORCE_N / r1.E_PA
-            tip_mm = 1e3 * tip_displacement(mesh, r1.CONTACT, u)
-            ratio = tip_mm / converged_mm
-            yield [name, 1e3 * thickness_m, f"{tip_mm:.3f}", f"{ratio:.3f}"]
-
-
-def order_rows(rows: int | None) -> Iterator[list[object]]:
-    """Yield the order of each element's strain energy, symmetric and clamped."""
-    for name, (quads, kind) in islice(FAMILIES.items(), rows):
-        orders = (observed_order(quads, kind, symmetric=flag) for flag in (True, False))
-        yield [name, *(f"{order:.2f}" for order in orders)]
-
-
-def observed_order(quads: tuple[int, ...], kind: Mesh, *, symmetric: bool) -> float:
-    """Return log2 of the ratio of successive differences of the energy."""
-    energies = []
-    for divisions in quads:
-        mesh = wall_mesh(RADIUS_M, 2e-3, divisions=divisions, level=0, **kind)
-        wall = LinearWall(mesh, NU, symmetric_base(mesh) if symmetric else None)
-        load = r1.gaussian_load(mesh, Contact(polar_rad=0.0), 3e-3)
-        energies.append(0.5 * float(np.sum(load * wall.solve_one(load))))
-
-    return float(np.log2((energies[1] - energies[0]) / (energies[2] - energies[1])))
 
 
 def r2_rows(rows: int | None, forces: int | None, quads: int) -> Iterator[list[object]]:
@@ -138,12 +86,8 @@ def main(
     rows: int | None, forces: int | None, quads: int, core: int, rings: int
 ) -> None:
     """Print the tables."""
-    print("R1: inward displacement along the load\n")
-    print_table(["mesh", "t, mm", "mm", "over the converged one"], r1_rows(rows))
-    print("\nOrder of the strain energy\n")
-    print_table(["element", "symmetric base", "clamped base"], order_rows(rows))
     shown = listed(r2.FORCES_MN[:forces], "g")
-    print(f"\nR2: tips at {shown} mN\n")
+    print(f"R2: tips at {shown} mN\n")
     head = ["wall, contact", "expected", "at the node", "worst, %"]
     print_table(head, r2_rows(rows, forces, quads))
     print(f"\nFinite strain: tips at {shown} mN\n")

@@ -6,8 +6,7 @@ Scenes are drawn from its study with another seed, and judged in the columns whe
 wall can be seen or is absent; phantoms are frames of `render_bscan` over the paper's
 phantom ranges, or over the scanner's of `--study`, such as
 benchmarks/far_scanner.toml. "Combined" is what `segment` writes; its row "usable" has
-the frames that it lets pass. `--drawn` writes docs/images/scenes.jpg: scenes alone,
-with the true wall, and with the network's.
+the frames that it lets pass.
 """
 
 from collections.abc import Iterable, Iterator
@@ -36,20 +35,14 @@ from scleraforce.records.model_folder import (
 from scleraforce.records.scan import PixelScale
 from scleraforce.records.study import ScenesStudy, Study, draw
 from scleraforce.wall.find_wall import find_wall
-from scleraforce.wall.wall import Segmentation, draw_overlay
 from scleraforce.wall.wall_network import WallFinder
 
 # of the scenes: the rules that combine both methods were chosen on seed 1, the training
 # drew seed 0
 SEED = 2
 WRONG = 0.75  # Dice below which a wall is wrong
-CELL = (110, 140)  # rows and columns of a picture in the sheet
-# scenes on it, in all and side by side; pixels between them
-DRAWN = 40
-ACROSS = 4
-GAP = 6
 
-# ... true mask, and its columns that count
+# a frame, its scale, the true mask, and the columns that count
 Case = tuple[Pixels, PixelScale, NDArray[np.uint8], NDArray[np.bool_]]
 
 
@@ -112,46 +105,14 @@ def dice_rows(
             yield [name, way, len(values), cells, wrong]
 
 
-def write_drawn(path: Path, study: ScenesStudy, finder: WallFinder) -> None:
-    """Write drawn scenes: alone, with the true wall, and with the network's."""
-    cells = []
-    for scene in (draw_scene(study, index) for index in range(DRAWN)):
-        rows, columns = scene.frame.shape
-        seen = finder.find(scene.frame)
-        column = np.arange(columns)
-        outer, inner = (
-            np.where(
-                seen.there_at(column), np.interp(column, seen.column, curve), np.nan
-            )
-            for curve in (seen.outer_row, seen.inner_row)
-        )
-        empty = np.full(columns, np.nan)
-        curves = (empty, empty), (scene.outer_row, scene.inner_row), (outer, inner)
-        walls = (
-            Segmentation(top, end, rows, True, "", True, thickness_m=np.nan)
-            for top, end in curves
-        )
-        pictures = [draw_overlay(scene.frame, wall, CELL) for wall in walls]
-        cells.append(np.hstack([*pictures, np.zeros((CELL[0], GAP, 3), np.uint8)]))
-
-    lines = [
-        np.hstack(cells[first : first + ACROSS]) for first in range(0, DRAWN, ACROSS)
-    ]
-    sheet = np.vstack(
-        [cv2.copyMakeBorder(line, 0, GAP, 0, 0, cv2.BORDER_CONSTANT) for line in lines]
-    )
-    cv2.imwrite(str(path), sheet, [cv2.IMWRITE_JPEG_QUALITY, 60])
-
-
 @click.command(help=__doc__)
 @click.argument("model", type=PATH, default=SHIPPED_WALL_FINDER)
 @whole_number("--scenes", 200)
 @whole_number("--seed", SEED)
 @whole_number("--phantoms", 60)
 @STUDY
-@click.option("--drawn", type=PATH, help="Picture of scenes.")
-def main(model: Path, study: Study, drawn: Path | None, **sizes: int) -> None:
-    """Print the table; write the picture if it is asked for."""
+def main(model: Path, study: Study, **sizes: int) -> None:
+    """Print the table."""
     cv2.setNumThreads(1)
     finder = load_wall_finder(model)
     drawn_from = replace(folder_study(read_folder(model)).scenes, seed=sizes["seed"])
@@ -164,5 +125,3 @@ def main(model: Path, study: Study, drawn: Path | None, **sizes: int) -> None:
         row for name, cases in frames.items() for row in dice_rows(name, cases, finder)
     )
     print_table(head, rows)
-    if drawn:
-        write_drawn(drawn, drawn_from, finder)

@@ -1,5 +1,5 @@
-"""Foreign files as recordings: frames, times, scale, forces and notes, or the words
-that refuse them.
+"""The shared files of other programs as recordings: frames, times, scale, forces and
+notes, or the words that refuse them.
 """
 
 import gzip
@@ -7,70 +7,55 @@ import json
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
-from math import pi
 from pathlib import Path
 from typing import Any
 from zlib import crc32
 
+import cv2
 import numpy as np
 
 import scleraforce as sf
 from golden.answers import Answers, Record, plain
-from golden.foreign import FASTEST_FIRST, RATE, SIZE, SOURCES, VOLUME
 from golden.inputs import SHARED
 
 # What no format states; an import is refused, and its words are frozen, where more is
 # missing.
-STATED: Mapping[str, Any] = {
+STATED: dict[str, Any] = {
     "eye": "eye-1",
     "gauge": 22,
     "refractive_index": 1.38,
     "bits": 13,
+    "gap_m": 0.6e-3,
+    "width_m": 0.6e-3,
+    "depth_m": 0.096e-3,
 }
-GAP = {"gap_m": 0.6e-3}
-PLANES = (sf.Plane("along", 0.1e-3, 0.0), sf.Plane("across", 0.0, pi / 2))
-MADE = "made"
-SHARED_FILES = "shared"
+ALL = "shared"  # the only piece of work
+RATE = {"rate_hz": 2.0}
 SHARED_SCANS = ".dcm", ".tif", ".mha", ".mhd", ".mkv", ".bag", ".mcap", ".npz", ".db3"
 SHARED_LOGS = ".csv", ".tsv", ".txt"
 SENSOR = {"axis": "fz", "contact_sign": -1, "average_s": 0.2}
 # What an import asks for, and the answer to it.
 OPEN: Mapping[str, Mapping[str, Any]] = {
-    "give `axes`": VOLUME,
+    "give `axes`": {"axes": "frame,depth,lateral"},
     "(`rate_hz`": RATE,
     "(`bits`)": {"bits": 16},
     "(`clock_offset_s`)": {"clock_offset_s": 0.0},
     "(`axis`)": SENSOR,
-    "below the smallest allowed value": FASTEST_FIRST,
+    "below the smallest allowed value": {"axes": "lateral,depth,frame"},
 }
 MOST_TIMES = 8  # of a recording that are kept
 
 
-def answers(name: str, _recordings: dict[str, Path], folder: Path) -> Answers:
-    """Return what imports make of the files of `golden.foreign`, or of the shared
-    cases.
-    """
-    place = folder / f"imports-{name}"
-    place.mkdir()
-    if name == MADE:
-        return dict(_made(place))
-    return dict(_shared(place))
-
-
-def _made(place: Path) -> Iterator[tuple[str, Record]]:
-    for name, source in SOURCES.items():
-        folder = place / name.replace("/", "-")
-        folder.mkdir()
-        planes = PLANES if name == "planes" else ()
-        gap = {} if planes else GAP
-        arguments = {**STATED, **gap, **source.arguments, "planes": planes}
-        yield name, _imported(source.make(folder), folder / "made", arguments)
-
-
-def _shared(place: Path) -> Iterator[tuple[str, Record]]:
+def answers(_name: str, _recordings: dict[str, Path], folder: Path) -> Answers:
     """Import each shared file that is a scan or a log, with answers to all that it may
     leave open.
     """
+    place = folder / "imports-shared"
+    place.mkdir()
+    return dict(_shared(place))
+
+
+def _shared(place: Path) -> Iterator[tuple[str, Record]]:
     folders = [SHARED / name for name in ("cases", "real-oct", "real-logs")]
     files = [
         path
@@ -78,19 +63,21 @@ def _shared(place: Path) -> Iterator[tuple[str, Record]]:
         for path in sorted(folder.rglob("*"))
         if path.is_file() and path.parent.name != "tissue-surface"
     ]
-    pictures = SOURCES["pictures/PNG"].make(place)
+    pictures = [place / f"scan-{number:02}.png" for number in range(5)]
+    frames = np.arange(5 * 24 * 40, dtype=np.uint16).reshape(5, 24, 40)
+    for picture, pixels in zip(pictures, frames, strict=True):
+        assert cv2.imwrite(str(picture), pixels)
     for path in files:
         name = str(path.relative_to(SHARED))
         folder = place / name.replace("/", "-")
         folder.mkdir()
         source = _unpacked(path, folder)
-        arguments = {**STATED, **GAP, **SIZE, "bits": None}
         if source.suffix in SHARED_SCANS:
+            arguments = STATED | {"bits": None}
             yield name, _answered([source], folder / "made", arguments)
         elif source.suffix in SHARED_LOGS:
-            arguments |= {"bits": STATED["bits"], "clock_offset_s": 0.0, **RATE}
-            sources = [*pictures, source]
-            yield name, _answered(sources, folder / "made", {**arguments, **SENSOR})
+            arguments = STATED | RATE | SENSOR | {"clock_offset_s": 0.0}
+            yield name, _answered([*pictures, source], folder / "made", arguments)
 
 
 def _answered(

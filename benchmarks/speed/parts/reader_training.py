@@ -66,12 +66,11 @@ def measure(run: Run) -> Table:
     if not library.exists():
         build_library(study, library)
 
-    full = "training" in run.options
     part = replace(reader, epochs=EPOCHS, interval_eyes=min(EYES, eyes))
     course = Course(perf_counter())
     trained = train_reader(
         open_library(library),
-        study if full else replace(study, reader=part),
+        study if run.training else replace(study, reader=part),
         run.folder / "reader",
         progress=lambda _: course.epochs_s.append(perf_counter()),
         measured=lambda _: course.eyes_s.append(perf_counter()),
@@ -80,7 +79,7 @@ def measure(run: Run) -> Table:
     more = {"an epoch, s": course.epoch_s, "an eye, s": course.eye_s}
     done = f"estimated from {len(course.epochs_s)} epochs and {len(course.eyes_s)} eyes"
     words = f"{done}; --training does all"
-    if full:
+    if run.training:
         more["right class, %"] = 100.0 * trained["metrics"]["validation_accuracy"]
         words = "done to the end"
 
