@@ -43,3 +43,14 @@ def print_table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
 def listed(values: Iterable[float], form: str) -> str:
     """Return numbers in one cell, each in a format such as ".1f"."""
     return ", ".join(format(value, form) for value in values)
+
+
+def picture(name: str) -> Decorator:
+    """Return the option of the file that a picture of the pages is drawn into."""
+    images = Path(__file__).parents[2] / "docs" / "images"
+    return click.option(
+        "--out",
+        type=PATH,
+        default=images / name,
+        help="The picture; that of the pages where none is given.",
+    )

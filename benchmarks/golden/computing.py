@@ -12,7 +12,7 @@ from time import perf_counter
 from typing import Any
 
 from golden.answers import Answers
-from golden.groups import calibrations, imports, readings, sessions, walls
+from golden.groups import calibrations, counts, imports, readings, sessions, walls
 from golden.inputs import (
     ROOT,
     SHARED,
@@ -29,6 +29,7 @@ Task = tuple[str, str]  # a group, and the name of a piece of its work
 Worker = Callable[[str, dict[str, Path], Path], Answers]
 
 WORKER_OF: Mapping[str, Worker] = {
+    "counts": counts.answers,
     "readings": readings.answers,
     "calibrations": calibrations.answers,
     "walls": walls.answers,
@@ -75,8 +76,11 @@ def _recordings(
     only_of: tuple[str, ...],
 ) -> tuple[dict[str, Path], list[str]]:
     """Make the virtual recordings that groups need; add the shared ones."""
-    if not {"readings", "calibrations", "walls"} & set(groups):
+    of_recordings = {"counts", "readings", "calibrations", "walls"} & set(groups)
+    if not of_recordings:
         return {}, []
+    if of_recordings == {"counts"}:
+        only_of = (counts.EYE,)
     several = calibrations.SEVERAL if calibrations.TOGETHER in only_of else ()
     of_eyes = {*several, *(name.partition(" ")[0] for name in only_of)}
     names = [name for name in VIRTUAL_EYES if not only_of or name in of_eyes]
@@ -114,6 +118,7 @@ def _names(group: str, recordings: Mapping[str, Path]) -> list[str]:
     """Return the names of a group's pieces of work, the longest first."""
     shared = SHARED.is_dir()
     return {
+        "counts": [counts.EYE],
         "readings": readings.names(recordings, VIRTUAL_EYES),
         "calibrations": [calibrations.TOGETHER, *recordings],
         "walls": [*([walls.REAL] if shared else []), *recordings],

@@ -121,6 +121,25 @@ def distension_modulus(
     return float(np.exp(brentq(missing, np.log(lowest), np.log(1e9), xtol=1e-6)))
 
 
+def own_pressure(
+    thickness_m: float, modulus_pa: float, iop_pa: float, tip_m: float, *, half: bool
+) -> float:
+    """Return the pressure, Pa, at a dent if the model's own wall held its volume: V(P,
+    dent) = V(P0, no needle).
+    """
+    wall = _wall(thickness_m, half=half)
+    at_rest = wall.volume(pressurise(wall, iop_pa / modulus_pa))[0]
+
+    def missing(pressure_pa: float) -> float:
+        ratio = pressure_pa / modulus_pa
+        grown_m3 = (wall.volume(pressurise(wall, ratio))[0] - at_rest) * (
+            1.0 if half else 2.0
+        )
+        return float(grown_m3 - globe_path(thickness_m, ratio, tip_m).displaced_m3[-1])
+
+    return float(brentq(missing, iop_pa, 20.0 * iop_pa, xtol=1e-3))
+
+
 def globe_path(
     thickness_m: float,
     iop_ratio: float,

@@ -45,13 +45,14 @@ def fine_meridian(
     inside: int = 6,
     outside: int = 80,
     layers: int = 2,
+    support_rad: float = 0.5 * np.pi,
 ) -> MeridianMesh:
     """Return a meridian of outer radius `radius_m` with `inside` equal elements under a
     disc, `outside` beyond it.
     """
     rim_rad = float(np.arcsin(disc_m / radius_m))
     share = np.linspace(0.0, 1.0, outside + 1)[1:]
-    beyond = rim_rad + (0.5 * np.pi - rim_rad) * (
+    beyond = rim_rad + (support_rad - rim_rad) * (
         FIRST_SHARE * share + (1.0 - FIRST_SHARE) * share**3
     )
     edges = np.append(np.linspace(0.0, rim_rad, inside + 1), beyond)

@@ -1,4 +1,6 @@
-"""Our mechanics beside published theory and measurement: closed forms and tables."""
+"""Our mechanics beside published theory and measurement: the closed forms, the flat
+punch, and the tables.
+"""
 
 import re
 from pathlib import Path
@@ -9,12 +11,24 @@ import pytest
 from figures.pushed_walls import NEEDLE_RADIUS_M as NEEDLE_M, NU, RADIUS_M
 from figures.studies.real_tissue import TABLES, pressed
 from markdown_tables import lines
-from real_tissue.porcine import modulus_by_shell_theory, small_load_modulus
+from real_tissue.porcine import (
+    PunchedEye,
+    modulus_by_shell_theory,
+    pushed,
+    small_load_modulus,
+)
+from real_tissue.punch import flat_punch_path
 from real_tissue.rigidity import mmhg_per_ul, own_mmhg_per_ul
 from real_tissue.shells import point, pressure_ratio, shallow, sphere
-from real_tissue.walls import disc_wall, fine_meridian, pressed_wall
-from scleraforce.mechanics.axisymmetric_wall import EvenWall, axisymmetric_path
-from scleraforce.mechanics.load_path_tracing import PathEnd
+from real_tissue.walls import bonded_stiffness, disc_wall, fine_meridian, pressed_wall
+from scleraforce.base.units import to_si
+from scleraforce.mechanics.axisymmetric_wall import (
+    AxisymmetricWall,
+    EvenWall,
+    axisymmetric_path,
+)
+from scleraforce.mechanics.load_path_tracing import PathEnd, pressurise
+from scleraforce.records.globe import sealed_law
 
 PAGE = Path(__file__).parents[2] / "benchmarks" / "real_tissue" / "README.md"
 TENSIONS = (0.0, 0.5, 1.0, 2.0, 4.0)
@@ -91,6 +105,57 @@ def test_the_mesh_of_the_library_is_as_stiff_as_the_fine_one(
     assert 2.0 * first - second == pytest.approx(
         pressed_wall(wall, pressure).outer_stiffness_m, rel=0.02
     )
+
+
+@pytest.mark.slow
+def test_a_small_punch_that_touches_with_its_whole_face_is_as_stiff_as_a_disc_that_is_bonded():
+    """And before that less, for a flat punch meets a sphere at a point."""
+    thickness_m = 1.5e-3
+    dents_m = np.linspace(4e-6, 40e-6, 10)
+    pressure = ratio(0.5, thickness_m)
+    path = flat_punch_path(RADIUS_M, thickness_m, NU, NEEDLE_M, pressure, dents_m)
+    mesh = fine_meridian(
+        RADIUS_M, thickness_m, NEEDLE_M, inside=10, outside=24, layers=1
+    )
+    wall = disc_wall(mesh, NEEDLE_M, NU, symmetric=False)
+    share = path.slope_m() / bonded_stiffness(wall, pressure, NEEDLE_M)
+    assert path.touched[0] < 0.25
+    assert share[0] < 0.75
+    whole = path.touched == 1.0
+    assert whole[-1]
+    np.testing.assert_allclose(share[whole], 1.0, atol=0.025)
+
+
+@pytest.mark.slow
+def test_below_the_punch_a_sealed_globe_is_an_open_one_at_its_pressure() -> None:
+    size = PunchedEye()
+    modulus_pa = 0.3e6
+    rigidity = 0.01
+    iop = to_si(15.0, "mmhg") / 0.3e6
+    dents_m = np.array([0.2e-3, 0.4e-3, 0.6e-3])
+    sealed = pushed(modulus_pa, rigidity, size=size, dents_m=dents_m)
+    pressure = float(sealed.iop_ratio[-1])
+    assert pressure > 1.05 * iop
+    mesh = fine_meridian(
+        size.radius_m, size.thickness_m, size.punch_m, inside=10, outside=24, layers=1
+    )
+    wall = AxisymmetricWall(mesh, size.poisson_ratio)
+    rise_m = -float(wall.tip @ (pressurise(wall, pressure) - pressurise(wall, iop)))
+    assert rise_m > 0.0
+    opened = pushed(
+        modulus_pa, iop_pa=pressure * modulus_pa, size=size, dents_m=dents_m + rise_m
+    )
+    assert opened.force_ratio_m2[-1] == pytest.approx(
+        sealed.force_ratio_m2[-1], rel=1e-6
+    )
+    # The law, of the volume that the dent displaces at that pressure: about the punch's
+    # area times half the dent.
+    displaced = (
+        sealed_law(to_si(rigidity, "mmhg13_per_ul"))
+        .over(modulus_pa)
+        .displaced_m3(iop, pressure)
+    )
+    assert 0.2 < float(displaced) / (np.pi * size.punch_m**2 * 0.6e-3) < 2.0
 
 
 def test_shell_theory_gives_the_modulus_that_was_published_for_porcine_sclera() -> None:

@@ -21,6 +21,7 @@ from scleraforce.records.study import SliceStudy
 SMALLEST = {
     "at-rest": "--readings 1",
     "boundary-errors": "--eyes 1 --frames 3 --study {study}",
+    "calibration": "--linear 1 --bent 1 --frames 5 --study {study}",
     "conjunctiva": "--frames 1",
     "forms": "--rows 1",
     "layers": "--rows 1 --rings 6",
@@ -31,6 +32,8 @@ SMALLEST = {
     "places": "--groups plain --eyes 1 --frames 2 --needles",
     "planes": "--eyes 1",
     "real-tissue": "--rows 1",
+    "real-tissue picture": "--out {picture}",
+    "revolution": "--rows 1",
     "wall-finder": "{finder} --scenes 3 --phantoms 2",
     "without-force": "--eyes 1 --out {folder}",
 }
@@ -50,7 +53,8 @@ def test_a_study_prints_a_table_of_finite_numbers(
     environment: dict[str, str],
     tmp_path: Path,
 ) -> None:
-    places = {"folder": tmp_path / "eyes"}
+    picture = tmp_path / "picture.png"
+    places = {"folder": tmp_path / "eyes", "picture": picture}
     if "{study}" in SMALLEST[name]:
         places["study"] = request.getfixturevalue("study_file")
     if "{finder}" in SMALLEST[name]:
@@ -71,6 +75,9 @@ def test_a_study_prints_a_table_of_finite_numbers(
     # each process says so in an empty cache
     assert set(done.stderr.splitlines()) <= {"compiling, once: half a minute"}
     assert not re.search(r"\b(nan|inf)\b", done.stdout, re.IGNORECASE), done.stdout
+    if "{picture}" in SMALLEST[name]:
+        assert picture.stat().st_size > 10_000
+        return
     rows = [line for line in done.stdout.splitlines() if NUMBER.search(line)]
     assert any(len(NUMBER.findall(row)) >= 2 for row in rows), done.stdout
 
