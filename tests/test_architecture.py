@@ -394,6 +394,7 @@ def test_commands_import_only_packages_that_they_use(tmp_path: Path) -> None:
         output_of(f"{script}assert not {others!r} & set(sys.modules)")
 
 
+@pytest.mark.slow
 def test_few_tests_reach_behind_the_public_names_of_packages() -> None:
     """A move inside a package then breaks few tests; they are numerical claims that
     only an inner function can show.

@@ -359,6 +359,7 @@ def test_machine_code_is_compiled_once_and_anew_if_more_is_needed(once, loops):
     assert call(loops, "late") == (with_late, [], "")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("suffix", "left"), [("nbi", 0), ("nbi", 20), ("nbc", 100)])
 def test_cut_machine_code_is_compiled_anew(once, loops, suffix, left):
     (file,) = (loops / "cache").rglob(f"*norm*.{suffix}")
@@ -367,6 +368,7 @@ def test_cut_machine_code_is_compiled_anew(once, loops, suffix, left):
     assert (found, notice) == (once[1][0], "compiling, once: half a minute\n")
 
 
+@pytest.mark.slow
 def test_loops_run_where_no_machine_code_can_be_kept(once, loops):
     shutil.rmtree(loops / "cache")
     (loops / "cache").write_bytes(b"")
@@ -375,6 +377,7 @@ def test_loops_run_where_no_machine_code_can_be_kept(once, loops):
     assert notice.count("note: ") == 1
 
 
+@pytest.mark.slow
 def test_a_numba_whose_private_parts_are_not_known_compiles_and_keeps_by_itself(
     once, loops
 ):
@@ -442,9 +445,9 @@ of_unix = pytest.mark.skipif(os.name != "posix", reason="modes of Unix")
         pytest.param(
             lambda folder: [given_away(file) for file in folder.iterdir()],
             "compiling, once",
-            marks=as_root,
+            marks=[as_root, pytest.mark.slow],
         ),
-        (links_for_files, "compiling, once"),
+        pytest.param(links_for_files, "compiling, once", marks=pytest.mark.slow),
     ],
 )
 def test_machine_code_that_others_could_have_written_is_not_loaded(
@@ -491,6 +494,7 @@ def test_a_folder_that_others_could_write_to_is_named(
     assert f"{own}: {fault}" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_machine_code_of_the_user_is_loaded(loops):
     """The bomb of the test above goes off where its file is the user's own."""
     planted(code_folder(loops / "cache"), loops / "owned")
