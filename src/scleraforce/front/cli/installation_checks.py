@@ -267,10 +267,10 @@ def compile_loops() -> None:
         replace(known, needle=replace(known.needle, gap_m=None)),
         cross,
     )
-    time_s = np.arange(20.0)
+    time_s = np.arange(0.0, 20.0, 0.1)
     force_n = to_si(10.0, "mn") * (1.0 - np.cos(time_s))
     driven_back(force_n, time_s, force_n > 0.0, np.full((1, 1), 0.1), (1.0,))
-    estimate_clocks(time_s, force_n[None], time_s, force_n)
+    estimate_clocks(time_s[::5], force_n[None, ::5], time_s, force_n)
 
 
 def _solve() -> Finding:
