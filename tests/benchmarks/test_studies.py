@@ -31,6 +31,7 @@ SMALLEST = {
     "missing-inputs --sealed": "--eyes 1",
     "places": "--groups plain --eyes 1 --frames 2 --needles",
     "planes": "--eyes 1",
+    "posterior": "--eyes 2 --groups plain --out {folder}",
     "real-tissue": "--rows 1",
     "real-tissue picture": "--out {picture}",
     "revolution": "--rows 1",

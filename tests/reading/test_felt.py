@@ -11,6 +11,7 @@ import pytest
 from relaxing_eyes import BOUNDS_N, FORCES_N, TISSUE, found_in, pushed, read_as
 
 from scleraforce.base.normal_distribution import NINETY_PERCENT
+from scleraforce.fit import unknowns
 from scleraforce.lab.needle_pushes import NeedlePath
 from scleraforce.reading.answer import Answer, Reading, unusable_answer
 from scleraforce.reading.tissue_memory import Leak, TissueMemory
@@ -317,15 +318,19 @@ def test_a_needle_that_leans_feels_the_force_along_it(
 
 def with_shaft(known: Setup, angle_rad: float | None) -> Answer:
     """Return the answer to a frame in which the shaft is seen at an angle from the
-    normal.
+    normal of a wall that is turned in the picture.
     """
-    needle = None if angle_rad is None else SimpleNamespace(angle_rad=angle_rad)
-    fit = SimpleNamespace(unknown=np.zeros(30))
+    turned = np.zeros(30)
+    turned[unknowns.ROTATION] = TURNED
+    seen = None if angle_rad is None else TURNED + angle_rad
+    needle = None if seen is None else SimpleNamespace(angle_rad=seen)
+    fit = SimpleNamespace(unknown=turned)
     wall = SimpleNamespace(needle=needle)
     elastic = replace(read_as(0.02), fit=fit, segmentation=wall)
     return TissueMemory.unknown(known, MOST_N).read(elastic, BOUNDS_N)[0]
 
 
+TURNED = 7 * DEG
 SEEN = 30 * DEG
 
 
