@@ -360,6 +360,7 @@ def test_the_runtime_needs_numpy_opencv_and_onnx_runtime_only() -> None:
     output_of(block)
 
 
+@pytest.mark.slow
 def test_commands_import_only_packages_that_they_use(tmp_path: Path) -> None:
     folder = tmp_path / "study"
     frame = write_one_frame(tmp_path / "session", recording_toml("mine"))
@@ -450,6 +451,7 @@ def loaded_after(code: str) -> set[str]:
     return set(output_of(f"{code}\n{show}").split())
 
 
+@pytest.mark.slow
 def test_each_name_loads_only_its_own_imports() -> None:
     face = {"", ".front", ".front.api", ".front.api.public_names"}
     assert loaded_after("import scleraforce as sf; dir(sf)") == {

@@ -502,6 +502,7 @@ def test_machine_code_of_the_user_is_loaded(loops):
     assert (loops / "owned").exists()
 
 
+@pytest.mark.slow
 def test_settings_of_plots_in_the_current_folder_are_not_read(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "matplotlibrc").write_bytes(b"font.size: 3\n\xff")

@@ -136,6 +136,7 @@ def test_frames_of_several_planes_are_read_together_and_one_that_is_left_out_is_
     assert cross.child.end(FUSE_S) == 0
 
 
+@pytest.mark.slow
 def test_frames_that_teach_move_e_a_puncture_takes_it_back_and_a_session_can_be_resumed(
     model, tmp_path
 ):

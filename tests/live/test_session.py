@@ -233,7 +233,7 @@ def in_parts(scanner: Peer, number: int, apart_s: float) -> None:
         part = pixels[None, begin : begin + 32]
         size = (rule.COLUMNS, rule.ROWS, 1)
         image = Image(part, rule.MATRIX, size, (0, begin, 0))
-        scanner.clock.turn((apart_s if begin else 0.0) - rule.FRAME_S)
+        scanner.every_s = apart_s if begin else 0.0
         scanner.say(image, time_s=1.8e9, message_id=number)
         # its answer shows that the part was heard
         heard = len(scanner.texts("ForceReset"))
@@ -297,8 +297,8 @@ def test_frames_that_are_not_read_in_time_are_lost_and_stand_for_the_scanners_in
 
     patient = {"rule": read, "silence_s": 0.5, "lag_s": 0.5}
     with session(**patient) as scanner:
+        scanner.every_s = interval_s
         for number in range(1, before + 1):
-            scanner.clock.turn(interval_s - rule.FRAME_S)
             scanner.read(10.0, message_id=number, time_s=0.0)
 
         forces_mn = [*[10.0] * (frames - 1), 10.1]
@@ -423,9 +423,9 @@ def test_planes_may_count_their_frames_alone_or_together_and_each_has_its_own_pa
 
     with session(planes=CROSS, size=(16, 16)) as scanner:
         scanner.size = (16, 16)
+        scanner.every_s = 0.005
         for turn in range(120):
             for place, plane in enumerate(CROSS):
-                scanner.clock.turn(0.005 - rule.FRAME_S)
                 number = 1 + 2 * turn + (step - 1) * place
                 scanner.read(10.0, device=plane, message_id=number)
 
@@ -459,7 +459,7 @@ def test_a_moment_is_one_time_stamp_or_less_than_one_interval(
         for number in range(1, 80):
             turn, place = divmod(number, 2)
             at_s = begun_s + 0.01 * turn + apart_s * place
-            scanner.clock.turn(at_s - rule.FRAME_S - scanner.clock())
+            scanner.every_s = at_s - scanner.clock()
             if number != lost:
                 time_s = begun_s + 0.01 * turn if stamped else 0.0
                 plane = CROSS[place]

@@ -492,7 +492,7 @@ def small_monitor(
 
 class Peer:
     """One connection; `heard` has (device, message) of all that came. With a clock, a
-    frame comes every 10 ms of it.
+    frame comes `every_s` of it after the last.
 
     While a peer hears, all receive, each into its `arrived`: the server drops messages
     to a client that does not read, some 5 kB after the last that its system has
@@ -508,6 +508,7 @@ class Peer:
         self.size = (ROWS, COLUMNS)
         self.link = socket.create_connection((LOCAL, port), timeout=FUSE_S)
         self.clock = clock
+        self.every_s = FRAME_S
         self.closed = False
         self.version = version
         self.heard = list[tuple[str, Message]]()
@@ -534,7 +535,7 @@ class Peer:
         message_id: int = 0,
     ) -> None:
         if self.clock and isinstance(message, Image):
-            self.clock.turn(FRAME_S)
+            self.clock.turn(self.every_s)
         self.link.sendall(self._encoded(message, device, time_s, message_id))
 
     def _encoded(

@@ -119,6 +119,7 @@ def test_a_robot_meets_the_monitor_of_the_command_and_it_ends_with_a_block_that_
     assert {f"{remark.code}: {remark}" for remark in remarks} <= {*notes}
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("patient")
 def test_a_block_ends_with_its_monitor_though_a_client_stays(
     folder: Path, monkeypatch: pytest.MonkeyPatch
@@ -361,9 +362,10 @@ with sf.monitor(sys.argv[1], second_opinion=False, black_box=sys.argv[2]) as run
     [
         ("time.sleep(3600)", ""),
         pytest.param("await_start(link, process, running)", "", marks=pytest.mark.slow),
-        (
+        pytest.param(
             "await_start(link, process, running)",
             "os.fork() or (os.close(1), time.sleep(3600))",
+            marks=pytest.mark.slow,
         ),
     ],
     ids=["starting", "serving", "with a fork that holds its pipe"],

@@ -197,6 +197,7 @@ def test_a_worker_that_does_not_stop_is_killed(
     assert job.fault == "stopped"
 
 
+@pytest.mark.slow
 def test_a_worker_does_not_outlive_an_app_that_is_killed(tmp_path: Path) -> None:
     """The real worker, waiting in a recording's pipe; its app is another process."""
     recording = write_small_recording(tmp_path / "small", frames=2)
@@ -329,6 +330,7 @@ OF_EYE = {
 }
 
 
+@pytest.mark.slow
 def test_an_import_gives_what_the_command_prints(same, tmp_path: Path) -> None:
     write_scan(tmp_path)
     same(**OF_SCAN, options=ANSWERS | OF_EYE)

@@ -520,7 +520,10 @@ def on_two_clocks(pushed: Path, tmp_path: Path):
     return sources
 
 
-@pytest.mark.parametrize(("offset_s", "stated_um"), [(-5.3, 700), (0.0, 900)])
+@pytest.mark.parametrize(
+    ("offset_s", "stated_um"),
+    [pytest.param(-5.3, 700, marks=pytest.mark.slow), (0.0, 900)],
+)
 def test_the_offset_of_times_on_another_clock_is_found_and_reported(
     imported, pushed: Path, on_two_clocks, offset_s: float, stated_um: int
 ) -> None:

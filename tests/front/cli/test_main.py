@@ -194,6 +194,7 @@ def test_a_reader_that_leaves_early_gets_no_traceback() -> None:
     assert "Exception ignored" not in done.stderr
 
 
+@pytest.mark.slow
 def test_an_import_that_is_ended_leaves_nothing(tmp_path: Path) -> None:
     # of noise: to write them takes seven times as long as to begin
     many = (100, 512, 512)

@@ -164,7 +164,10 @@ def test_a_command_that_cannot_begin_prints_one_line_with_any_option(
 
 @pytest.mark.parametrize(
     ("encoding", "sheet"),
-    [("ascii", []), ("cp932", ["--sheet", "s.png"])],
+    [
+        ("ascii", []),
+        pytest.param("cp932", ["--sheet", "s.png"], marks=pytest.mark.slow),
+    ],
 )
 def test_a_process_prints_in_any_encoding_and_draws_without_jupyters_backend(
     here: Path, encoding: str, sheet: list[str], tmp_path: Path

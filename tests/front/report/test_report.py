@@ -526,7 +526,12 @@ def test_a_force_log_is_drawn_in_millinewtons_with_the_times_of_all_frames_and_l
 
 
 @pytest.mark.parametrize(
-    ("ending", "start"), [(".png", b"\x89PNG"), (".svg", b"<?xml"), (".PDF", b"%PDF")]
+    ("ending", "start"),
+    [
+        (".png", b"\x89PNG"),
+        (".svg", b"<?xml"),
+        pytest.param(".PDF", b"%PDF", marks=pytest.mark.slow),
+    ],
 )
 def test_a_figure_has_the_format_of_its_name_and_the_same_bytes_each_time(
     tmp_path: Path, ending: str, start: bytes

@@ -34,6 +34,7 @@ from scleraforce.records.study import (
 SIZE = SliceStudy(columns=10, rows=12)
 
 
+@pytest.mark.slow
 def test_a_network_that_learned_with_mirroring_reads_slices_that_only_the_mirror_shows(
     small,
 ):
