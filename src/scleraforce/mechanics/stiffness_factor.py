@@ -7,7 +7,7 @@ on the elements' nodes and on what is held: it is found once for all sums over a
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -17,8 +17,9 @@ from scleraforce.mechanics.hexahedral_mesh import HexMesh
 
 if TYPE_CHECKING:
     from rslab import LdltSymbolic
+    from scipy.sparse import csc_array
 
-KEPT = 2  # patterns, of 15 MB each at the default mesh
+KEPT = 2  # patterns; one has 20 MB at the graded mesh, 65 MB at the even one
 THREADS = 1  # two are no faster for such matrices
 
 
@@ -78,52 +79,84 @@ def _pattern(cells: bytes, shape: tuple[int, int], held: bytes) -> _Pattern:
     """Return the pattern of elements' nodes, int64 of a shape (element, node), and of
     what is held, bool (node, 3).
     """
-    # 130 ms: not before something is solved
-    import rslab
-    from scipy.sparse import coo_array
+    import rslab  # 130 ms with SciPy: not before something is solved
 
     cells_en = np.frombuffer(cells, np.int64).reshape(shape)
     held_nc = np.frombuffer(held, np.bool_).reshape(-1, 3)
-    nodes = len(held_nc)
-    unknowns = int(held_nc.size - held_nc.sum())
-    number_nc = np.cumsum(~held_nc.ravel()).reshape(-1, 3) - 1
-
-    # Each pair of nodes has nine entries; a pair is one place, whatever its elements.
-    row_eab = np.broadcast_to(cells_en[:, :, None], (*shape, shape[1]))
-    column_eab = np.broadcast_to(cells_en[:, None, :], (*shape, shape[1]))
-    below = np.flatnonzero(row_eab >= column_eab)
-    keys = row_eab.reshape(-1)[below] * nodes + column_eab.reshape(-1)[below]
-    pairs, pair_of = np.unique(keys, return_inverse=True)
-    row, column = np.divmod(pairs, nodes)
-    used_pij = ~held_nc[row][:, :, None] & ~held_nc[column][:, None, :]
-    used_pij &= (row != column)[:, None, None] | np.tri(3, dtype=np.bool_)
-
-    row_pij = np.broadcast_to(number_nc[row][:, :, None], used_pij.shape)
-    column_pij = np.broadcast_to(number_nc[column][:, None, :], used_pij.shape)
-    count = int(used_pij.sum())
-    sorted_entries = coo_array(
-        (np.arange(count), (row_pij[used_pij], column_pij[used_pij])),
-        shape=(unknowns, unknowns),
-    ).tocsc()
-    place_pij = np.full(used_pij.shape, -1)
-    place_of_entry = np.empty(count, np.int64)
-    place_of_entry[sorted_entries.data] = np.arange(count)
-    place_pij[used_pij] = place_of_entry
-
-    # of entry (i, a, j, b) of an element
-    places = place_pij[pair_of]
-    element, of_pair = np.divmod(below, shape[1] ** 2)
-    a, b = np.divmod(of_pair, shape[1])
-    i = np.arange(3)[:, None]
-    j = np.arange(3)
-    taken = (
-        (element[:, None, None] * 3 + i) * shape[1] + a[:, None, None]
-    ) * 3 * shape[1] + (j * shape[1] + b[:, None, None])
+    pairs = _node_pairs(cells_en)
+    place_pij, lower = _places_of(pairs, held_nc)
+    places = place_pij[pairs.number]
     there = places >= 0
 
     return _Pattern(
-        taken[there],
+        _entries_of(pairs.place, shape[1])[there],
         places[there],
-        rslab.analyze(sorted_entries.astype(np.float64), path="ldlt", threads=THREADS),
-        count,
+        rslab.analyze(lower, path="ldlt", threads=THREADS),
+        lower.nnz,
     )
+
+
+class _NodePairs(NamedTuple):
+    """The pairs of nodes that share an element, the larger number first: nine entries
+    of the sum belong to each, whatever its elements.
+
+    `larger` and `smaller` (pair,) are the nodes. `place` is where an element has a pair
+    in (element, node, node), flat, `number` which pair it is, each (entry,).
+    """
+
+    larger: Integers
+    smaller: Integers
+    place: Integers
+    number: Integers
+
+
+def _node_pairs(cells_en: Integers) -> _NodePairs:
+    shape = (*cells_en.shape, cells_en.shape[1])
+    first = np.broadcast_to(cells_en[:, :, None], shape).reshape(-1)
+    second = np.broadcast_to(cells_en[:, None, :], shape).reshape(-1)
+    place = np.flatnonzero(first >= second)
+    nodes = int(cells_en.max()) + 1
+    keys, number = np.unique(first[place] * nodes + second[place], return_inverse=True)
+    return _NodePairs(*np.divmod(keys, nodes), place, number)
+
+
+def _places_of(pairs: _NodePairs, held_nc: Flags) -> tuple[Integers, "csc_array"]:
+    """Return the places in the sum of the entries of pairs (pair, 3, 3), -1 for those
+    that it lacks: of held components, and above the diagonal; and its lower triangle,
+    of zeros.
+    """
+    from scipy.sparse import coo_array, csc_array
+
+    free_nc = ~held_nc
+    number_nc = np.cumsum(free_nc).reshape(-1, 3) - 1
+    used_pij = free_nc[pairs.larger][:, :, None] & free_nc[pairs.smaller][:, None, :]
+    is_one_node = pairs.larger == pairs.smaller
+    used_pij &= ~is_one_node[:, None, None] | np.tri(3, dtype=np.bool_)
+
+    row = np.broadcast_to(number_nc[pairs.larger][:, :, None], used_pij.shape)
+    column = np.broadcast_to(number_nc[pairs.smaller][:, None, :], used_pij.shape)
+    count = int(used_pij.sum())
+    unknowns = int(free_nc.sum())
+    numbered = coo_array(
+        (np.arange(count), (row[used_pij], column[used_pij])),
+        shape=(unknowns, unknowns),
+    ).tocsc()  # sorts the entries as the sum has them
+    places = np.empty(count, np.int64)
+    places[numbered.data] = np.arange(count)
+    place_pij = np.full(used_pij.shape, -1)
+    place_pij[used_pij] = places
+
+    zeros = np.zeros(count), numbered.indices, numbered.indptr
+    return place_pij, csc_array(zeros, shape=numbered.shape)
+
+
+def _entries_of(place: Integers, nodes: int) -> Integers:
+    """Return the nine places in (element, 3, node, 3, node), flat, of each place in
+    (element, node, node): (place, 3, 3).
+    """
+    element, of_element = np.divmod(place, nodes**2)
+    first, second = np.divmod(of_element, nodes)
+    i = np.arange(3)[:, None]
+    j = np.arange(3)
+    row = (element[:, None, None] * 3 + i) * nodes + first[:, None, None]
+    return row * 3 * nodes + j * nodes + second[:, None, None]
