@@ -30,6 +30,7 @@ Kind = TypeVar("Kind", Classifier, ForceReader)
 Loaded = TypeVar("Loaded")
 Finder = str | PathLike[str] | None
 KEPT = 8  # models that a process keeps, so that it loads each of them once
+_kept: dict[model_folder.Origin, Any] = {}
 
 
 def load_wall_finder(path: str | PathLike[str], threads: int = 1) -> WallFinder:
@@ -71,17 +72,14 @@ def _once(
     process does not keep it.
     """
     origin = model_folder.origin_of(folder, threads)
-    if origin not in _kept:
-        loaded = load(folder, origin)
+    model: Loaded | None = _kept.get(origin)
+    if model is None:
+        model = load(folder, origin)
         while len(_kept) >= KEPT:
-            _kept.pop(next(iter(_kept)), None)
-        _kept[origin] = loaded
+            _kept.pop(next(iter(_kept)), None)  # another thread may have done so
+        _kept[origin] = model
 
-    kept: Loaded = _kept[origin]
-    return kept
-
-
-_kept: dict[model_folder.Origin, Any] = {}
+    return model
 
 
 def _read_finder(

@@ -18,16 +18,14 @@ from scleraforce.base.errors import FrameError, InputError, RecordingError
 from scleraforce.base.plain_json import finite_json, parse_json
 from scleraforce.base.units import from_si
 from scleraforce.base.whole_files import KINDS, read_text, write_whole
-from scleraforce.front.api.reading_frames import load_model, read
+from scleraforce.front.api.reading_frames import read
 from scleraforce.front.app.request_end import check_wanted
 from scleraforce.front.app.work_folder import PARTS
-from scleraforce.reading.reading_models import Reader
 from scleraforce.recordings.drawn_walls import frame_file_digest
 from scleraforce.recordings.forces_under_frames import contact_force, label_frames
 from scleraforce.recordings.frame_and_force_tables import FrameEntry
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.records.frame import NO_WALL, NOT_JUDGED, WALL, Pixels
-from scleraforce.records.model_folder import RECORD_FILE
 from scleraforce.records.study import ClassesStudy
 from scleraforce.wall.wall import Segmentation
 
@@ -36,7 +34,6 @@ BINS = 800  # of a curve: the least and the largest value of each
 DARK = 1.0
 BRIGHT = 99.8
 OPENED = 8  # recordings that are kept in memory
-MODELS = 2  # of 20 MB, as a rule
 
 
 def png(pixels: Pixels | Floats, height: int | None = None) -> bytes:
@@ -110,11 +107,6 @@ class ReadBy:
 
     model: str | Path
     calibration: Path | None = None
-
-
-@lru_cache(MODELS)
-def _loaded(model: str | Path, _: int) -> Reader:
-    return load_model(model)
 
 
 @lru_cache(OPENED)
@@ -217,10 +209,8 @@ class RecordingViews:
 
         with self._reading:  # the model is not made for several threads
             check_wanted()
-            record = Path(by.model, RECORD_FILE)
-            changed = record.stat().st_mtime_ns if record.exists() else 0
             answer = read(
-                _loaded(by.model, changed),
+                by.model,
                 [recording.frame_path(each) for each in frames],
                 calibration=by.calibration,
                 eye=None if by.calibration is None else recording.info.eye_name,
