@@ -36,7 +36,7 @@ def folder_fault(folder: Path) -> str | None:
         found = folder.lstat()
     except FileNotFoundError:
         return None
-    except OSError as fault:  # a file above it, or a folder that may not be searched
+    except OSError as fault:  # above it is a file, or a folder that may not be entered
         return f"{folder}: {fault.strerror}"
 
     if not stat.S_ISDIR(found.st_mode):
