@@ -3,7 +3,7 @@ the virtual laboratory.
 """
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import partial
@@ -12,6 +12,7 @@ from hashlib import sha256
 import numpy as np
 from numpy.typing import NDArray
 
+from figures.accuracy import ReadForces, read_forces
 from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
 from figures.reuse import is_made, note_stale, remove, write_key
@@ -19,6 +20,7 @@ from figures.sections import ROOM, compute_eye
 from scleraforce.base.errors import ScleraforceError
 from scleraforce.base.whole_files import renamed_when_whole, write_whole
 from scleraforce.base.worker_processes import work_units
+from scleraforce.calibration.evaluation import FrameAnswer
 from scleraforce.lab.virtual_eye import eye_name
 from scleraforce.lab.virtual_recording import (
     PhantomFrame,
@@ -181,6 +183,15 @@ def _write_made(folder: FiguresFolder, drawn: FigureEye, made: MadeEye) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     with renamed_when_whole(path) as part, part.open("wb") as file:
         np.savez(file, **vars(made))
+
+
+def true_forces(
+    folder: FiguresFolder, eye: FigureEye, frames: Iterable[FrameAnswer]
+) -> ReadForces:
+    """Return the forces that frames of an eye were read with, beside the true ones."""
+    made = read_made(folder, eye)
+    true_n = dict(zip(made.files, made.forces_n.tolist(), strict=True))
+    return read_forces((frame.answer, true_n[frame.file]) for frame in frames)
 
 
 def read_made(folder: FiguresFolder, drawn: FigureEye) -> MadeEye:

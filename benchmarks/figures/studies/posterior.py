@@ -1,11 +1,11 @@
-"""Whether the error of a calibrated E is what its posterior says, eye by eye, and what
-it costs in forces: the table of docs/calibration.md, "Accuracy".
+"""The error of a calibrated E beside its posterior, eye by eye, and the forces that are
+read with it: the effective modulus of docs/calibration.md, "Accuracy".
 
 Eyes are drawn as for `make figures`, with a seed of this study: in three dimensions at
 finite strain, imaged, with declared values that are off as users' measurements are.
 Each is calibrated on three frames and its other frames are read. `z` is the error of ln
-E over its stated standard deviation. An eye is doubtful if fewer of its intervals hold
-than in one of a hundred eyes where each holds with 90 %, whatever the others do.
+E over its stated standard deviation. Doubtful eyes: so few intervals hold in one of a
+hundred eyes whose intervals hold with 90 % each, independently.
 """
 
 from collections.abc import Iterator
@@ -17,14 +17,14 @@ import numpy as np
 from scipy.stats import binom
 
 import scleraforce as sf
-from figures.accuracy import ReadForces, joined, percent, read_forces, rms
+from figures.accuracy import ReadForces, joined, percent, rms
 from figures.declared import declare
 from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
 from figures.groups import draw_eyes
 from figures.printing import PATH, print_table, whole_number
 from figures.readings import CALIBRATED_FRAMES
-from figures.recordings import make_recordings, read_made
+from figures.recordings import make_recordings, true_forces
 from scleraforce.base.worker_processes import available_cores
 from scleraforce.front.api.reading_frames import summary_of_calibration
 from scleraforce.lab.virtual_eye import eye_name
@@ -48,7 +48,7 @@ class CalibratedFigureEye:
 
     @property
     def is_doubtful(self) -> bool:
-        """Return whether so few intervals hold by chance in 1 % of eyes at most."""
+        """Whether so few intervals hold by chance in 1 % of eyes at most."""
         holds = self.forces.holds
         return bool(binom.cdf(holds.sum(), len(holds), HOLDS) < DOUBTFUL)
 
@@ -59,18 +59,17 @@ def calibrate_eye(
     """Calibrate an eye and read its other frames; None if it diverged."""
     recording = folder.recording(eye)
     calibration = sf.calibrate([recording], frames=CALIBRATED_FRAMES)
-    found = calibration.eyes[eye_name(eye.setup)]
-    if not summary_of_calibration(calibration).eyes[found.id].usable:
+    found = summary_of_calibration(calibration).eyes[eye_name(eye.setup)]
+    if not found.usable:
         return None
 
-    made = read_made(folder, eye)
-    true_n = dict(zip(made.files, made.forces_n.tolist(), strict=True))
     frames = sf.evaluate(model, [recording], calibration).frames
-    scored = [frame for frame in frames if frame.scored]
+    modulus = found.eye.modulus
+    assert modulus is not None
     return CalibratedFigureEye(
-        float(np.log(found.mean_pa / eye.setup.eye.modulus_pa)),
-        found.sd_pa / found.mean_pa,
-        read_forces((frame.answer, true_n[frame.file]) for frame in scored),
+        float(np.log(modulus.mean_pa / eye.setup.eye.modulus_pa)),
+        modulus.sd_pa / modulus.mean_pa,
+        true_forces(folder, eye, (frame for frame in frames if frame.scored)),
     )
 
 

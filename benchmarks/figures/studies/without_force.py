@@ -19,14 +19,13 @@ from figures.accuracy import (
     found_moduli,
     joined,
     percent,
-    read_forces,
     rms,
 )
 from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
 from figures.groups import draw_eyes
 from figures.printing import PATH, print_table, whole_number
-from figures.recordings import make_recordings, read_made
+from figures.recordings import make_recordings, read_made, true_forces
 from scleraforce.lab.virtual_eye import eye_name
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.records.calibration_file import CalibratedEye, CalibrationSummary
@@ -97,13 +96,11 @@ def read_eye(folder: FiguresFolder, eye: FigureEye, *, travel: bool) -> ReadEye:
     found = summary.eyes[eye_name(eye.setup)]
     evaluation = sf.evaluate(sf.load_model("default"), recording, summary)
     trials = [frame for frame in evaluation.frames if frame.scored]
-    made = read_made(folder, eye)
-    true_n = dict(zip(made.files, made.forces_n.tolist(), strict=True))
     error = float(np.log(found.mean_pa / eye.setup.eye.modulus_pa))
 
     return ReadEye(
         (error, found.sd_pa / found.mean_pa),
-        read_forces((frame.answer, true_n[frame.file]) for frame in trials),
+        true_forces(folder, eye, trials),
         tuple(not frame.misread for frame in trials),
     )
 
