@@ -233,6 +233,9 @@ def test_a_model_is_loaded_once_named_as_it_is_given_and_checked_at_each_use(
     assert (str(again.path), again.finder) == (folder.name, None)
     assert again.record is loaded.record
     assert load_reader(folder, threads=2).record is not loaded.record
+    monkeypatch.setattr("scleraforce.reading.load_model.KEPT", 1)
+    load_reader("paper", finder=None)  # takes the place of all others
+    assert load_reader(folder, finder=None).record is not loaded.record
 
     model = opened_reader(folder)
     assert (model.path, model.finder is None) == (folder, False)

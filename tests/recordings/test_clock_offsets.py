@@ -197,6 +197,21 @@ def test_what_a_rising_force_leaves_agrees_with_scipy():
     np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("spread", "lost", "judged"),
+    [(6.01, 2, True), (5.99, 2, False), (6.01, 3, False)],
+)
+def test_forces_are_judged_if_enough_are_known_that_differ_by_more_than_the_noise(
+    spread, lost, judged
+):
+    """Of eight frames six, three quarters, have to lie on the log."""
+    force = np.linspace(0.0, spread, 8)
+    force[1 : 1 + lost] = np.nan
+    dent = np.arange(8.0)
+    ((q,), _) = unexplained(force[None], np.zeros((1, 8)), dent, 1.0)
+    assert np.isfinite(q) == judged
+
+
 def test_rests_of_shuffled_dents_agree_with_scipy():
     values = np.random.default_rng(0).standard_normal((30, 9))
     expected = [((row - isotonic_regression(row).x) ** 2).sum() for row in values]
