@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rslab import LdltSymbolic
     from scipy.sparse import csc_array
 
-KEPT = 2  # patterns; one has 20 MB at the graded mesh, 65 MB at the even one
+KEPT = 1  # pattern, of 20 MB for the graded mesh, 65 MB for the even one
 THREADS = 1  # two are no faster for such matrices
 
 
@@ -85,14 +85,15 @@ def _pattern(cells: bytes, shape: tuple[int, int], held: bytes) -> _Pattern:
     held_nc = np.frombuffer(held, np.bool_).reshape(-1, 3)
     pairs = _node_pairs(cells_en)
     place_pij, lower = _places_of(pairs, held_nc)
+    # before the entries' arrays, which are as large as what it needs meanwhile
+    analysed = rslab.analyze(lower, path="ldlt", threads=THREADS)
+    size = lower.nnz
+    del lower
     places = place_pij[pairs.number]
     there = places >= 0
 
     return _Pattern(
-        _entries_of(pairs.place, shape[1])[there],
-        places[there],
-        rslab.analyze(lower, path="ldlt", threads=THREADS),
-        lower.nnz,
+        _entries_of(pairs.place, shape[1])[there], places[there], analysed, size
     )
 
 
