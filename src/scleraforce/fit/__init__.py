@@ -7,7 +7,7 @@ Public:
     curve_placement: `PlacedCurves`, `PlacesOnFrame`, `curve_depths`, `place_curves`,
         `pose_derivatives`
     frames_of_an_eye: `JointFit`, `OWN`, `ShownFrame`, `THICKNESS`, `fit_jointly`
-    least_squares: `CAUCHY`, `StoppingRule`, `WallColumns`, `gauss_newton`
+    least_squares: `StoppingRule`, `WallColumns`, `cauchy_weight`, `gauss_newton`
     one_frame: `BoundaryFit`, `NO_WALL_M`, `fit_boundaries`, `law_of`, `library_walls`,
         `positive_share`
     planes_of_a_moment: `PlanesFit`, `SeenPlane`, `SpatialPlace`, `fit_planes`

@@ -10,13 +10,8 @@ import numpy as np
 
 from scleraforce.base.arrays import Floats
 from scleraforce.base.compiled_loops import compiled_in_place, compiled_part
-from scleraforce.fit import unknowns
-from scleraforce.fit.least_squares import (
-    CAUCHY,
-    FIRST_DAMPING,
-    UNSEEN_LOSS,
-    StoppingRule,
-)
+from scleraforce.fit import least_squares, unknowns
+from scleraforce.fit.least_squares import FIRST_DAMPING, UNSEEN_LOSS, StoppingRule
 from scleraforce.fit.prior_of_an_eye import HEAVY
 from scleraforce.fit.shown_wall import (
     FitGeometry,
@@ -51,6 +46,10 @@ MOVING = (
 LENGTH_STEP_M = 1e-7
 LOG_STEP = 1e-4
 NO_PIVOT = 1e-15  # of a diagonal: what is left of it is rounding
+
+cauchy_loss = compiled_part(least_squares.cauchy_loss)
+cauchy_weight = compiled_part(least_squares.cauchy_weight)
+judge_step = compiled_part(least_squares.judge_step)
 
 
 class PriorArrays(NamedTuple):
@@ -159,20 +158,18 @@ def evaluate_cost(
     )
 
     for place in range(len(off)):
-        lost += np.log1p((off[place] / CAUCHY) ** 2) if seen[place] else UNSEEN_LOSS
+        lost += cauchy_loss(off[place]) if seen[place] else UNSEEN_LOSS
 
     away = unknown - belief.mean
     apart = deviations(problem, unknown)
 
     for place in HEAVY:
-        known += HEAVY_CAUCHY**2 * np.log1p(
-            (away[place] / (HEAVY_CAUCHY * belief.sd[place])) ** 2
-        )
+        known += cauchy_loss(away[place] / belief.sd[place], HEAVY_CAUCHY)
         away[place] = 0.0
 
     known += _square(belief.precision, away) + _square(belief.calibrated, apart)
     work.last[:UNKNOWNS] = unknown
-    work.last[UNKNOWNS] = CAUCHY**2 * lost / problem.as_one + known
+    work.last[UNKNOWNS] = lost / problem.as_one + known
     work.last[UNKNOWNS + 1] = count
 
     return work.last[UNKNOWNS], count
@@ -236,8 +233,8 @@ def find_normal(
     away[:] = unknown - belief.mean
 
     for place in HEAVY:
-        normal[place, place] /= (
-            1.0 + (away[place] / (HEAVY_CAUCHY * belief.sd[place])) ** 2
+        normal[place, place] *= cauchy_weight(
+            away[place] / belief.sd[place], HEAVY_CAUCHY
         )
 
     slopes = np.zeros((2, UNKNOWNS))
@@ -283,7 +280,7 @@ def _add_columns(problem: FrameProblem, scale: float, work: SearchWorkspace) -> 
     rest = np.empty(BLOCK)
     off = work.off
     jacobian = work.depths.jacobian
-    weight = 1.0 / np.sqrt((1.0 + (off / CAUCHY) ** 2) * problem.as_one * scale**2)
+    weight = np.sqrt(cauchy_weight(off) / (problem.as_one * scale**2))
     per_m = weight / (problem.sd_m * np.sqrt(1.0 + work.depths.slope**2))
     seen = work.depths.seen
 
@@ -338,7 +335,7 @@ def add_tilt(
         if depths.seen[place]:
             row = depths.jacobian[place]
             off = work.off[place]
-            weight = 1.0 / ((1.0 + (off / CAUCHY) ** 2) * problem.as_one * scale**2)
+            weight = cauchy_weight(off) / (problem.as_one * scale**2)
             sd_m = problem.sd_m[place] * np.sqrt(1.0 + depths.slope[place] ** 2)
             across = problem.scene.at_m[place] - unknown[unknowns.LATERAL]
             down = depths.even_m[place] - unknown[unknowns.DEPTH]
@@ -403,16 +400,16 @@ def find_least_cost(
     stopping: StoppingRule,
     work: SearchWorkspace,
 ) -> float:
-    """Move unknowns to the least cost near them, and return it; damping is Marquardt's
-    (`least_squares`).
+    """Move unknowns to the least cost near them, and return it; as
+    `least_squares.gauss_newton`.
     """
     damping = FIRST_DAMPING
     trial = np.empty(UNKNOWNS)
-    is_new = True
+    is_better = True
     cost, count = evaluate_cost(problem, unknown, work)
 
     for _ in range(stopping.iterations):
-        if is_new:
+        if is_better:
             find_normal(problem, unknown, count, work, 1.0)
 
         _find_step(work, damping)
@@ -422,18 +419,15 @@ def find_least_cost(
             break
 
         trial_cost, count = evaluate_cost(problem, trial, work)
-        is_new = trial_cost < cost
-        if not is_new:
-            damping = max(10.0 * damping, stopping.retry_damping)
+        damping, is_better, has_settled = judge_step(
+            damping, cost - trial_cost, stopping
+        )
+        if not is_better:
             continue
 
-        hardly_damped = damping <= max(FIRST_DAMPING, stopping.retry_damping)
-        settled = hardly_damped and cost - trial_cost < stopping.settled_cost
         unknown[:] = trial
         cost = trial_cost
-        damping = damping / 10.0
-
-        if settled:
+        if has_settled:
             break
 
     return cost

@@ -31,7 +31,7 @@ from scleraforce.base.normal_distribution import robust_spread
 from scleraforce.fit import unknowns
 from scleraforce.fit.compiled_fit import COLUMNS, CORRELATED_M, INNER_SD_M, OUTER_SD_M
 from scleraforce.fit.compiled_search import HEAVY_CAUCHY, HIGHEST_POLE, MOVING
-from scleraforce.fit.least_squares import CAUCHY, UNSEEN_LOSS
+from scleraforce.fit.least_squares import UNSEEN_LOSS, cauchy_loss, cauchy_weight
 from scleraforce.fit.one_frame import law_of, library_walls
 from scleraforce.fit.prior_of_an_eye import HEAVY, KNOWN_SD, prior_of
 from scleraforce.fit.shown_wall import LEAST_SD, WallDepths, predict_depths
@@ -380,11 +380,11 @@ class _EyeProblem:
         basis = self.basis(frame, unknown)
         unit_m = frame.sd_m * np.sqrt(1.0 + depths.slope**2)
         off = (frame.depth_m - depths.depth_m - basis @ shared[WEIGHTS:]) / unit_m
-        lost = np.where(depths.seen, np.log1p((off / CAUCHY) ** 2), UNSEEN_LOSS).sum()
+        lost = np.where(depths.seen, cauchy_loss(off), UNSEEN_LOSS).sum()
         away = (own - self.own_mean) / self.own_sd
         numbers = self.numbers(frame, unknown[None], extra)[0]
         share = 1.0 / (frame.as_one * self.noise**2)
-        cost = float(share * CAUCHY**2 * lost + away @ away + numbers @ numbers)
+        cost = float(share * lost + away @ away + numbers @ numbers)
 
         if not derive:
             return _Seen(cost, np.empty(0), np.empty(0), off)
@@ -393,7 +393,7 @@ class _EyeProblem:
         rows = np.concatenate(
             [depths.jacobian[:, SHARED], unused, basis, depths.jacobian[:, OWN]], axis=1
         )
-        weight = np.where(depths.seen, share / (1.0 + (off / CAUCHY) ** 2), 0.0)
+        weight = np.where(depths.seen, share * cauchy_weight(off), 0.0)
         rows /= unit_m[:, None]
         by_numbers = self._by_numbers(frame, unknown, extra, numbers, rows.shape[1])
         normal = rows.T @ (weight[:, None] * rows) + by_numbers.T @ by_numbers

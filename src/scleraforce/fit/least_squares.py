@@ -8,7 +8,6 @@ wall along (Huber and Ronchetti, Robust Statistics, 2009, sec. 7.8). The damping
 Marquardt's (1963), relative to the diagonal of the normal matrix.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol, TypeVar
 
@@ -19,8 +18,28 @@ from scleraforce.fit.curve_placement import PlacedCurves, PlacesOnFrame
 
 CAUCHY = 2.5  # standard deviations at which a column's weight is halved
 # loss of a column that the wall does not reach: as one that is 4 CAUCHY off
-UNSEEN_LOSS = 3.0
+UNSEEN_LOSS = 3.0 * CAUCHY**2
 FIRST_DAMPING = 1e-3
+
+Deviations = TypeVar("Deviations", float, Floats)
+
+
+def cauchy_loss(off: Deviations, scale: float = CAUCHY) -> Deviations:
+    """Return Cauchy's loss of deviations in standard deviations; at `scale` it bends.
+
+    >>> float(cauchy_loss(0.1).round(4)), float(cauchy_loss(100.0).round(1))
+    (0.01, 46.1)
+    """
+    return scale**2 * np.log1p((off / scale) ** 2)
+
+
+def cauchy_weight(off: Deviations, scale: float = CAUCHY) -> Deviations:
+    """Return the weights with which squared deviations have the slope of Cauchy's loss.
+
+    >>> cauchy_weight(0.0), cauchy_weight(CAUCHY)
+    (1.0, 0.5)
+    """
+    return 1.0 / (1.0 + (off / scale) ** 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,11 +63,8 @@ class WallColumns:
 
     def loss(self, placed: PlacedCurves) -> float:
         """Return Cauchy's loss of all columns."""
-        size = self.residual(placed)[placed.seen]
-        lost = np.log1p((size / CAUCHY) ** 2).sum() + UNSEEN_LOSS * np.count_nonzero(
-            ~placed.seen
-        )
-        return float(CAUCHY**2 * lost / self.as_one)
+        loss = cauchy_loss(self.residual(placed))
+        return float(np.where(placed.seen, loss, UNSEEN_LOSS).sum() / self.as_one)
 
     def normal_equations(
         self, placed: PlacedCurves, scale: float = 1.0
@@ -58,10 +74,8 @@ class WallColumns:
         """
         jacobian = placed.jacobian / self._depth_sd_m(placed)[:, None]
         residual = self.residual(placed)
-        weight = np.where(placed.seen, 1 / (1 + (residual / CAUCHY) ** 2), 0.0) / (
-            self.as_one * scale**2
-        )
-        weighted = jacobian * weight[:, None]
+        weight = np.where(placed.seen, cauchy_weight(residual), 0.0)
+        weighted = jacobian * (weight / (self.as_one * scale**2))[:, None]
 
         return jacobian.T @ weighted, weighted.T @ residual
 
@@ -106,41 +120,73 @@ class StoppingRule(NamedTuple):
     retry_damping: float = 0.0
 
 
-def gauss_newton(
-    problem: LeastSquaresProblem[Prediction],
-    start: Floats,
-    stopping: StoppingRule,
-    step_of: Callable[[Floats, Floats], Floats] | None = None,
-) -> tuple[Floats, Prediction, float]:
-    """Return the fitted unknowns, their prediction and their cost; `step_of` solves the
-    damped equations.
+def judge_step(
+    damping: float, gain: float, stopping: StoppingRule
+) -> tuple[float, bool, bool]:
+    """Return the next step's damping, whether a step that lowers the cost by `gain` is
+    taken, and whether the fit then ends.
+
+    Every descent follows this rule: `gauss_newton` here, and the compiled one of a
+    frame (`compiled_search`).
     """
+    if not gain > 0.0:
+        return max(10.0 * damping, stopping.retry_damping), False, False
+
+    is_hardly_damped = damping <= max(FIRST_DAMPING, stopping.retry_damping)
+    return damping / 10.0, True, is_hardly_damped and gain < stopping.settled_cost
+
+
+def gauss_newton(
+    problem: LeastSquaresProblem[Prediction], start: Floats, stopping: StoppingRule
+) -> tuple[Floats, Prediction, float]:
+    """Return the fitted unknowns, their prediction and their cost."""
     unknown = start
     damping = FIRST_DAMPING
-    placed, cost = problem.evaluate(unknown)
+    prediction, cost = problem.evaluate(unknown)
+    normal, gradient = problem.normal_equations(unknown, prediction)
 
     for _ in range(stopping.iterations):
-        normal, gradient = problem.normal_equations(unknown, placed)
-        damped = normal + damping * np.diag(np.diag(normal))
-        trial = problem.inside(unknown + (step_of or np.linalg.solve)(damped, gradient))
-
+        trial = problem.inside(unknown + damped_step(normal, gradient, damping))
         step = trial - unknown
         if float(step @ normal @ step) < stopping.converged_sd**2:
             break
 
-        trial_placed, trial_cost = problem.evaluate(trial)
-        if trial_cost >= cost:
-            damping = max(10 * damping, stopping.retry_damping)
+        trial_prediction, trial_cost = problem.evaluate(trial)
+        damping, is_better, has_settled = judge_step(
+            damping, cost - trial_cost, stopping
+        )
+        if not is_better:
             continue
 
-        hardly_damped = damping <= max(FIRST_DAMPING, stopping.retry_damping)
-        settled = hardly_damped and cost - trial_cost < stopping.settled_cost
         unknown = trial
-        placed = trial_placed
+        prediction = trial_prediction
         cost = trial_cost
-        damping = damping / 10
-
-        if settled:
+        if has_settled:
             break
 
-    return unknown, placed, cost
+        normal, gradient = problem.normal_equations(unknown, prediction)
+
+    return unknown, prediction, cost
+
+
+def damped_step(normal: Floats, gradient: Floats, damping: float) -> Floats:
+    """Return the step (unknown,) of normal equations that are damped relative to their
+    diagonal.
+    """
+    sd, scaled = _scaled(normal)
+    damped = scaled + damping * np.eye(len(sd))
+    return np.asarray(sd * np.linalg.solve(damped, sd * gradient))
+
+
+def covariance_of(normal: Floats) -> Floats:
+    """Return the covariance (unknown, unknown): the inverse of a normal matrix."""
+    sd, scaled = _scaled(normal)
+    return np.asarray(np.linalg.inv(scaled) * np.outer(sd, sd))
+
+
+def _scaled(normal: Floats) -> tuple[Floats, Floats]:
+    """Return units (unknown,) in which the diagonal of a normal matrix is 1, and the
+    matrix in them: metres and logarithms solve badly together.
+    """
+    sd = 1.0 / np.sqrt(np.diag(normal))
+    return sd, normal * np.outer(sd, sd)

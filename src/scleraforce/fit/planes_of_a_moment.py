@@ -23,7 +23,7 @@ from scleraforce.base.arrays import Floats
 from scleraforce.fit import compiled_fit, unknowns
 from scleraforce.fit.compiled_fit import TO_THE_END
 from scleraforce.fit.compiled_search import PriorArrays
-from scleraforce.fit.least_squares import StoppingRule, gauss_newton
+from scleraforce.fit.least_squares import StoppingRule, covariance_of, gauss_newton
 from scleraforce.fit.one_frame import (
     BoundaryFit,
     doubt_of,
@@ -416,8 +416,7 @@ class _PlanesProblem:
             min(max(misfit, least), compiled_fit.MOST_NOISE) for misfit in terms.misfits
         ]
         normal = self.terms(unknown, scales)[0].normal
-        sd = 1.0 / np.sqrt(np.diag(normal))
-        covariance = np.linalg.inv(normal * np.outer(sd, sd)) * np.outer(sd, sd)
+        covariance = covariance_of(normal)
         found = list[BoundaryFit]()
 
         for number, plane in enumerate(self.planes):
@@ -488,7 +487,7 @@ class PlanesFit:
         )
         problem = _PlanesProblem.of(library, planes, smoothing_m)
         unknown, terms, _ = gauss_newton(
-            problem, problem.begun(self.fits, self.place), TO_THE_END, _step
+            problem, problem.begun(self.fits, self.place), TO_THE_END
         )
 
         return PlanesFit(planes, *problem.conclude(unknown, terms))
@@ -520,13 +519,7 @@ def fit_planes(
     starts = problem.starts(alone)
     costs = [problem.evaluate(start)[1] for start in starts]
     order = np.argsort(costs)[:STARTS].tolist()
-    ended = [gauss_newton(problem, starts[number], STOPPING, _step) for number in order]
+    ended = [gauss_newton(problem, starts[number], STOPPING) for number in order]
     unknown, terms, _ = min(ended, key=lambda each: each[2])
 
     return problem.conclude(unknown, terms)
-
-
-def _step(damped: Floats, gradient: Floats) -> Floats:
-    """Return the step of damped equations, in units of the unknowns' own precision."""
-    sd = 1.0 / np.sqrt(np.diag(damped))
-    return np.asarray(sd * np.linalg.solve(damped * np.outer(sd, sd), sd * gradient))

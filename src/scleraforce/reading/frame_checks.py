@@ -17,7 +17,7 @@ from scleraforce.base.arrays import Bytes, Floats
 from scleraforce.base.units import from_si
 from scleraforce.fit import unknowns
 from scleraforce.fit.compiled_fit import COLUMNS, CORRELATED_M, OUTER_SD_M
-from scleraforce.fit.least_squares import CAUCHY
+from scleraforce.fit.least_squares import cauchy_weight
 from scleraforce.fit.one_frame import NO_WALL_M, BoundaryFit
 from scleraforce.fit.prior_of_an_eye import FREE_SD, Prior
 from scleraforce.reading.answer import Answer, Reading, unusable_answer
@@ -447,7 +447,7 @@ def wall_distances(
         normal = weighted @ basis.swapaxes(1, 2) + RIDGE * np.eye(basis.shape[1])
         terms = np.linalg.solve(normal, weighted @ wanted[:, None])
         off = wanted - (terms.swapaxes(1, 2) @ basis)[:, 0]
-        weight = 1.0 / (1.0 + (off / CAUCHY) ** 2)
+        weight = cauchy_weight(off)
 
     square = terms[:, 2, 0]
     cube = terms[:, 3, 0]
@@ -459,7 +459,7 @@ def wall_distances(
     # in the mean of an arc
     is_flat = np.minimum(*bends) * 2.0 * OUTER_SD_M / width_m**2 < 1.0 / radius_m
     off = np.vstack([off[is_flat], (depth_m - dented_m) / sd_m])
-    found = (off**2 / (1.0 + (off / CAUCHY) ** 2)).mean(axis=1)
+    found = (off**2 * cauchy_weight(off)).mean(axis=1)
 
     return (
         float(found[-1]),
