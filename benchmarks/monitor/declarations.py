@@ -7,25 +7,17 @@ declaration.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
 from monitor.eyes import SessionEye, largest_force_n
 from monitor.pictures import Frame, PooledGenerator, still_frame
-from scleraforce.calibration.filter.eye_filter import (
-    FrameStep,
-    begin,
-    known_after,
-    step,
-)
 from scleraforce.calibration.filter.eye_parameters import with_modulus
+from scleraforce.calibration.start_of_an_eye import ForceFrame
 from scleraforce.calibration.stiffness_from_forces import (
-    TissueTrial,
-    reread_eye,
+    eye_of_forces,
     search_stiffening,
 )
-from scleraforce.library import Library
 from scleraforce.reading.reading_models import ForceReader
 from scleraforce.recordings.force_errors import LABEL_SD_N, ZERO_PRIOR
 from scleraforce.records.eye import Eye, Modulus
@@ -33,9 +25,8 @@ from scleraforce.records.globe import OPEN, SEALED, UNKNOWN
 from scleraforce.records.needle import Needle
 from scleraforce.records.scan import PixelScale
 from scleraforce.records.setup import Setup
-from scleraforce.records.study import Study
 from scleraforce.wall.find_wall import find_wall
-from scleraforce.wall.wall_in_metres import Boundaries, segmented_boundaries
+from scleraforce.wall.wall_in_metres import segmented_boundaries
 from virtual_eyes import changed, wall_of
 
 DECLARATIONS: Mapping[str, str] = {
@@ -106,39 +97,15 @@ def calibrated(
     """Return what is known of an eye after frames of known force."""
     scale = PixelScale.of(reader.study.oct)
     walls = [(find_wall(frame, scale), force_n) for frame, force_n in labelled]
-    seen = [
-        (segmented_boundaries(wall, scale), force_n)
+    frames = [
+        ForceFrame(wall=segmented_boundaries(wall, scale), force_n=force_n)
         for wall, force_n in walls
         if wall.usable
     ]
     found = search_stiffening(
-        reader.library, partial(_with_tissue, stated, seen, reader.study)
+        reader.library,
+        lambda of_tissue: eye_of_forces(stated, frames, of_tissue, reader.study),
     )
     assert found is not None  # the library has these eyes
-    stiffening, known = found
+    stiffening, (known, _) = found
     return replace(known, eye=replace(known.eye, stiffening=stiffening))
-
-
-def _with_tissue(
-    stated: Setup,
-    seen: Sequence[tuple[Boundaries, float]],
-    study: Study,
-    library: Library,
-) -> TissueTrial[Setup]:
-    """Return what is known of an eye after frames of known force, with the walls of one
-    tissue.
-    """
-    session = begin(study, stated, library)
-    taken = list[tuple[Boundaries, float]]()
-
-    for boundaries, force_n in seen:
-        session = step(session, boundaries, force_n)
-        if isinstance(session.last, FrameStep):
-            taken.append((boundaries, force_n))
-
-    known = known_after(session)
-    if known.eye.modulus is None:
-        return TissueTrial.diverged(known, 0)
-
-    after = reread_eye(known, taken, (), library, study)
-    return after.trial(after.setup, len(seen) - len(taken))

@@ -27,6 +27,12 @@ from scleraforce.calibration.calibrate import (
     calibrate_recordings,
     calibration_passes,
 )
+from scleraforce.calibration.start_of_an_eye import (
+    ForceFrame,
+    StartedEye,
+    first_fit,
+    start_eye,
+)
 from scleraforce.calibration.stiffness_from_forces import (
     KnownForce,
     RereadEye,
@@ -34,6 +40,7 @@ from scleraforce.calibration.stiffness_from_forces import (
     reread_eye,
     search_stiffening,
 )
+from scleraforce.fit import unknowns
 from scleraforce.fit.one_frame import fit_boundaries
 from scleraforce.fit.prior_of_an_eye import prior_of
 from scleraforce.lab.training import interval_measurement
@@ -41,7 +48,7 @@ from scleraforce.library import Library
 from scleraforce.library.plane_cut import cut_surfaces
 from scleraforce.recordings.force_errors import LABEL_SD_N
 from scleraforce.records.eye import Eye, Modulus
-from scleraforce.records.globe import OPEN, REFERENCE_RIGIDITY, SEALED, Globe
+from scleraforce.records.globe import OPEN, REFERENCE_RIGIDITY, SEALED, UNKNOWN, Globe
 from scleraforce.records.needle import Needle
 from scleraforce.records.scan import Scan
 from scleraforce.records.setup import Setup
@@ -54,14 +61,14 @@ from scleraforce.records.study import (
 from scleraforce.wall.wall_in_metres import Boundaries
 
 MODULUS_PA = 0.3e6
-FILTERED = replace(
+STARTED = replace(
     SEALED,
     mean=REFERENCE_RIGIDITY,
     sd=0.05 * REFERENCE_RIGIDITY,
     correlation=-0.5,
     calibrated=True,
 )
-OF_FILTER = np.array([[0.02**2, -0.5 * 0.02 * 0.05], [-0.5 * 0.02 * 0.05, 0.05**2]])
+OF_START = np.array([[0.02**2, -0.5 * 0.02 * 0.05], [-0.5 * 0.02 * 0.05, 0.05**2]])
 STUDY = replace(
     Study(), calibration=replace(Study().calibration, surface_smoothing_m=0.0)
 )
@@ -70,7 +77,7 @@ STUDY = replace(
 def known_of(
     relative_sd: float, globe: Globe = OPEN, modulus_pa: float = MODULUS_PA
 ) -> Setup:
-    """An eye after the filter."""
+    """An eye after the start."""
     modulus = Modulus(mean_pa=modulus_pa, sd_pa=relative_sd * modulus_pa, source="own")
     return Setup(
         eye=Eye(modulus=modulus, iop_pa=270.0, thickness_m=0.65e-3, globe=globe),
@@ -119,7 +126,7 @@ def squares(read: Sequence[KnownForce], off: np.ndarray) -> float:
 
 def estimate(read: Sequence[KnownForce]) -> tuple[np.ndarray, RereadEye]:
     """By how much ln E, k, level and growth are off by frames that were read before."""
-    after = reread_eye(known_of(0.02, FILTERED), (), read, LIBRARY, STUDY)
+    after = reread_eye(known_of(0.02, STARTED), (), read, LIBRARY, STUDY)
     eye = after.setup.eye
     off = [
         log(eye.modulus_pa / MODULUS_PA),
@@ -135,7 +142,7 @@ def test_the_mean_is_where_the_loss_is_least():
     down once more.
     """
     read = off_by((0.1, -0.2, 0.05, 0.3), (12e-3, 25e-3, 41e-3, 55e-3))
-    scale = np.linalg.inv(OF_FILTER)
+    scale = np.linalg.inv(OF_START)
 
     def loss(off: np.ndarray) -> float:
         total = 4.0 * np.log1p(off[:2] @ scale @ off[:2] / 4.0)
@@ -176,24 +183,73 @@ KNOWN = known_of(0.05)
 KNOWN_N = np.array([0.014, 0.024, 0.03])
 
 
-def read_frames(factor: float = 1.0) -> list[tuple[Boundaries, float]]:
-    """Boundaries of an eye, and their forces: the library's times a factor."""
+def read_frames(factor: float = 1.0) -> list[ForceFrame]:
+    """Frames of an eye, their forces the library's times a factor."""
     ones = np.ones(len(KNOWN_N))
     walls = LIBRARY.curves(
         0.65e-3 * ones, 270.0 / MODULUS_PA * ones, KNOWN_N / MODULUS_PA
     )
     sections = [cut_surfaces(wall, 0.6e-3) for wall in walls.curves_sbnc]
     made = moving(sections, np.random.default_rng(4), 3e-6, STUDY)
-    return list(zip(made, (factor * KNOWN_N).tolist(), strict=True))
+    return [
+        ForceFrame(wall=wall, force_n=force_n)
+        for wall, force_n in zip(made, (factor * KNOWN_N).tolist(), strict=True)
+    ]
 
 
-BLIND = Boundaries(LATERAL_M, np.full((2, len(LATERAL_M)), np.nan), 1e-4)
+def started(
+    frames: Sequence[ForceFrame], known: Setup, sought: dict[str, float] | None = None
+) -> StartedEye:
+    """Start an eye from the usual prior."""
+    fits = [first_fit(frame.shown, known, LIBRARY, STUDY) for frame in frames]
+    assert all(fit is not None for fit in fits)
+    found = [fit for fit in fits if fit is not None]
+    return start_eye(known, frames, found, LIBRARY, STUDY, sought or {})
+
+
+def with_prior(globe: Globe = OPEN) -> Setup:
+    modulus = Modulus(mean_pa=0.49e6, sd_pa=0.34e6, source="population")
+    return replace(KNOWN, eye=replace(KNOWN.eye, modulus=modulus, globe=globe))
+
+
+def test_the_start_finds_the_modulus_from_the_usual_prior():
+    found = started(read_frames(), with_prior()).setup.eye
+    assert found.modulus is not None
+    assert found.modulus_pa == pytest.approx(MODULUS_PA, rel=0.05)
+    # what walls in three dimensions bend otherwise is not known
+    assert found.modulus.relative_sd > 0.1
+
+
+def test_the_start_finds_open_frames_of_an_eye_that_may_be_sealed():
+    """The rigidity of an open globe is 0: it is found within two standard deviations
+    from the middle of the range of closed eyes.
+    """
+    found = started(read_frames(), with_prior(UNKNOWN)).setup.eye
+    assert found.globe is not None
+    assert found.globe.mean < 0.15 * REFERENCE_RIGIDITY
+    assert found.modulus_pa == pytest.approx(MODULUS_PA, rel=0.1)
+
+
+def test_a_thickness_that_is_sought_is_found_from_a_wrong_one():
+    stated = with_prior()
+    wrong = replace(stated, eye=replace(stated.eye, thickness_m=0.70e-3))
+    found = started(read_frames(), wrong, {"thickness": 0.1e-3})
+    mean_m, sd_m = found.fit.moments(unknowns.THICKNESS)
+    assert mean_m == pytest.approx(0.65e-3, abs=2.5 * sd_m)
+    assert sd_m < 0.02e-3
+    assert found.setup.eye.thickness_m == mean_m
+
+
+BLIND = ForceFrame(
+    wall=Boundaries(LATERAL_M, np.full((2, len(LATERAL_M)), np.nan), 1e-4), force_n=0.02
+)
 
 
 def test_frames_are_read_again_at_their_own_resting_pressures():
     frame, *_ = read_frames()
     soft = replace(KNOWN, eye=replace(KNOWN.eye, iop_pa=135.0))
-    leaked = reread_eye(KNOWN, [frame], (), LIBRARY, STUDY, [135.0]).again
+    of_leak = replace(frame, iop_pa=135.0)
+    leaked = reread_eye(KNOWN, [of_leak], (), LIBRARY, STUDY).again
     assert leaked == reread_eye(soft, [frame], (), LIBRARY, STUDY).again
     assert leaked != reread_eye(KNOWN, [frame], (), LIBRARY, STUDY).again
 
@@ -212,7 +268,7 @@ def test_slopes_are_quotients_of_forces_that_are_read_with_another_modulus():
 
 
 @pytest.mark.parametrize("wrong", [0.6, 1.5])
-def test_a_modulus_that_the_filter_missed_is_found(wrong: float):
+def test_a_modulus_that_the_start_missed_is_found(wrong: float):
     known = known_of(0.05, modulus_pa=wrong * MODULUS_PA)
     after = reread_eye(known, read_frames(), (), LIBRARY, STUDY)
     eye = after.setup.eye
@@ -234,17 +290,17 @@ def test_forces_are_surer_than_the_modulus_that_they_show():
     assert now.eye.discrepancy is not None
     apart = replace(now.eye.discrepancy, level_by=(0.0, 0.0), growth_by=(0.0, 0.0))
 
-    for boundaries, known_n in seen[1:]:
+    for frame in seen[1:]:
         widths = []
         for each in (now, replace(now, eye=replace(now.eye, discrepancy=apart))):
             fit = fit_boundaries(
                 LIBRARY,
-                boundaries.lateral_m,
-                boundaries.depth_m,
+                frame.wall.lateral_m,
+                frame.wall.depth_m,
                 prior_of(each, STUDY.reader),
             )
             assert fit is not None
-            assert fit.force_n == pytest.approx(known_n, rel=0.03)
+            assert fit.force_n == pytest.approx(frame.force_n, rel=0.03)
             widths.append(float(np.diff(np.log(fit.interval_n))[0]))
 
         assert widths[0] < 0.9 * widths[1]
@@ -258,16 +314,16 @@ def test_frames_that_were_read_before_count_like_the_others():
     assert parts.setup.eye.modulus_pa == pytest.approx(
         at_once.setup.eye.modulus_pa, rel=0.01
     )
-    largest_n = seen[-1][1]  # of the frames that could be read
-    unseen = (BLIND, 2.0 * largest_n)
+    largest_n = seen[-1].force_n  # of the frames that could be read
+    unseen = replace(BLIND, force_n=2.0 * largest_n)
 
     for now, before in (([*seen, unseen], []), (seen[:1], earlier)):
         after = reread_eye(KNOWN, now, before, LIBRARY, STUDY)
         assert after.setup.eye.discrepancy.largest_n == largest_n
 
 
-def test_without_a_frame_that_can_be_read_the_filter_s_stays():
-    after = reread_eye(KNOWN, [(BLIND, 0.02)], (), LIBRARY, STUDY)
+def test_without_a_frame_that_can_be_read_the_start_s_modulus_stays():
+    after = reread_eye(KNOWN, [BLIND], (), LIBRARY, STUDY)
     assert after.again == (None,)
     assert after.setup.eye.modulus_pa == pytest.approx(MODULUS_PA, rel=1e-9)
     found = after.setup.eye.discrepancy
@@ -276,7 +332,7 @@ def test_without_a_frame_that_can_be_read_the_filter_s_stays():
 
 def test_the_loss_of_a_stiffening_is_the_loss_of_the_frames_that_were_read():
     """A frame that cannot be read counts as refused."""
-    after = reread_eye(KNOWN, [*read_frames(), (BLIND, 0.02)], (), LIBRARY, STUDY)
+    after = reread_eye(KNOWN, [*read_frames(), BLIND], (), LIBRARY, STUDY)
     trial = after.trial("an eye", 2)
     lost = [frame.loss for frame in after.again if frame is not None]
     assert (trial.found, trial.refused, trial.frames) == ("an eye", 3, 3)

@@ -176,7 +176,6 @@ def test_a_moment_is_not_taken_again_from_a_plane_that_was_not_followed(cross, s
         .frames
     )
     assert [frame.file for frame in again] == [
-        "0-1.png",
         "2-1.png",
         "3-1.png",
         "1-1.png",

@@ -1,6 +1,4 @@
-"""An eye calibrated frame by frame during a session, and the same frames as a
-recording: one result.
-"""
+"""A recording's calibration: E after each frame, what it is written with, and doubts."""
 
 import json
 from dataclasses import replace
@@ -11,29 +9,20 @@ import numpy as np
 import pytest
 from small_models import fixed_finder
 
-from ideal_boundaries import ideal_boundaries
 from scleraforce.base.errors import CalibrationError
 from scleraforce.calibration import seen_frames
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.calibration import Calibration, parse_calibration
-from scleraforce.calibration.filter.eye_filter import begin, step
-from scleraforce.lab.tissue_light import Pose
 from scleraforce.library import Library
-from scleraforce.library.plane_cut import cut_surfaces
 from scleraforce.reading.load_model import load_wall_finder
-from scleraforce.recordings.force_errors import FrameForces, frame_forces
+from scleraforce.recordings.force_errors import frame_forces
 from scleraforce.recordings.forces_under_frames import label_frames
 from scleraforce.recordings.recording_folder import Recording, read_recording
 from scleraforce.records.calibration_file import parse_calibration_file, summary_of
-from scleraforce.records.eye import Eye
-from scleraforce.records.globe import OPEN
 from scleraforce.records.model_folder import SHIPPED_WALL_FINDER
-from scleraforce.records.needle import Needle
-from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
 from scleraforce.records.tissue_relaxation import Relaxation
 from scleraforce.wall.find_wall import find_wall
-from scleraforce.wall.wall_in_metres import Boundaries, segmented_boundaries
 
 STUDY = Study()
 FRAMES = 6
@@ -51,46 +40,23 @@ def calibration(library: Library, recording: Recording) -> Calibration:
     return calibrate_recordings([recording], STUDY, "hash", library)
 
 
-STATED = Setup(
-    eye=Eye(iop_pa=266.0, thickness_m=0.7e-3, globe=OPEN),
-    needle=Needle(gap_m=0.5e-3, polar_rad=0.0),
-)
-
-
-def frames(recording: Recording) -> tuple[FrameForces, list[Boundaries]]:
-    """Forces and boundaries as a monitor would have them."""
-    scale = recording.info.scan.scale
-    trials = label_frames(recording, STUDY.classes, STUDY.needle.max_force_n)
-    seen = [find_wall(recording.frame(entry), scale) for entry in recording.frames]
-    return frame_forces(recording, trials), [
-        segmented_boundaries(one, scale) for one in seen
-    ]
-
-
-def test_frames_one_by_one_give_the_result_of_the_recording(
-    library, recording, calibration
+def test_the_modulus_after_each_frame_comes_from_the_prior_to_the_eye_s(
+    calibration,
 ):
-    forces, boundaries = frames(recording)
-    eye = begin(STUDY, STATED, library, zero_covariance=forces.zero_covariance)
-    prior = eye.modulus
-    means = []
-
-    for force_n, since_s, boundary in zip(
-        forces.force_n, forces.since_start_s, boundaries, strict=True
-    ):
-        eye = step(eye, boundary, float(force_n), float(since_s))
-        means.append(eye.modulus.mean_pa)
-
-    whole = calibration.eyes["made-up"]
+    eye = calibration.eyes["made-up"]
     settings = STUDY.calibration
-    assert prior.mean_pa == pytest.approx(settings.prior_mean_pa)
-    assert prior.sd_pa == pytest.approx(settings.prior_sd_pa)
-    assert means[0] == prior.mean_pa  # 2 mN: a reference of the pose
-    assert means[1:] == [frame.mean_pa for frame in whole.used]
-    assert eye.modulus.sd_pa == whole.used[-1].sd_pa
-    assert eye.updates == whole.updates == 5
-    # its frames were read again
-    assert whole.mean_pa == pytest.approx(eye.modulus.mean_pa, rel=0.01)
+    assert eye.prior is not None
+    assert eye.prior.mean_pa == settings.prior_mean_pa
+    assert eye.prior.sd_pa == settings.prior_sd_pa
+    # the first of the six frames bears 2 mN: too little to tell E
+    assert eye.updates == 5
+    assert (eye.used[-1].mean_pa, eye.used[-1].sd_pa) == (eye.mean_pa, eye.sd_pa)
+    sds = [frame.sd_pa for frame in eye.used]
+    assert sds[0] < 0.3 * eye.prior.sd_pa
+    assert sds[-1] < 0.9 * sds[0]
+    for frame in eye.used:
+        assert frame.mean_pa == pytest.approx(eye.mean_pa, rel=0.03)
+        assert frame.own_modulus_pa == pytest.approx(eye.mean_pa, rel=0.06)
 
 
 def test_the_force_freed_of_offset_and_drift_decides_which_frames_are_calibrated_on(
@@ -240,26 +206,3 @@ def test_forces_far_above_all_calibrated_ones_are_a_doubt(
     ] == [30, 45, 38]
     (doubt,) = eye.recordings[0].doubts
     assert "no frame above 20 mN could be calibrated on, of forces up to 45 mN" in doubt
-
-
-def test_a_session_starts_with_any_frame_and_its_earlier_values_stay_unchanged(
-    library,
-):
-    walls = library.curves(
-        np.array([0.7e-3]), np.array([266.0 / 0.27e6]), np.array([0.03 / 0.27e6])
-    ).curves_sbnc
-    pose = Pose(lateral_m=0, depth_m=0.5e-3)
-    smoothing_m = STUDY.calibration.surface_smoothing_m
-    section = cut_surfaces(walls[0], 0.5e-3)
-    seen = ideal_boundaries(
-        section, pose, STUDY.oct, 5e-6, np.random.default_rng(0), smoothing_m
-    )
-    before = begin(STUDY, STATED, library)
-    after, again = (step(before, seen, 0.03) for _ in range(2))
-    assert (before.updates, before.last) == (0, None)
-    assert after.modulus == again.modulus
-    assert after.modulus.mean_pa == pytest.approx(0.27e6, rel=0.02)
-    assert 0 < after.modulus.sd_pa < 0.02e6
-    empty = replace(seen, depth_m=np.full_like(seen.depth_m, np.nan))
-    assert step(after, empty, 0.001).state is after.state
-    assert step(after, empty, 0.03).modulus.mean_pa == after.modulus.mean_pa

@@ -21,12 +21,11 @@ from predicted_walls import Walls, force_n, predict_wall
 from scleraforce.fit import frames_of_an_eye, unknowns as at
 from scleraforce.fit.frames_of_an_eye import (
     COMPLIANCE,
-    MODULUS,
-    OWN,
     SHIFT,
     JointFit,
     ShownFrame,
-    fit_jointly,
+    fit_forces,
+    fit_shape,
 )
 from scleraforce.library import load_library
 from scleraforce.records.globe import SEALED
@@ -73,14 +72,15 @@ def shown(
     return tuple(frames)
 
 
-def own_of(tips_m: tuple[float, ...]) -> np.ndarray:
-    return np.array([unknown[OWN] for unknown in eye_of(tips_m)])
+def near(tips_m: tuple[float, ...]) -> np.ndarray:
+    """Unknowns of the frames, 2 % off."""
+    return np.array(eye_of(tips_m)) * 1.02
 
 
 def fitted(
     frames: tuple[ShownFrame, ...], tips_m: tuple[float, ...] = TIPS_M
 ) -> JointFit:
-    return fit_jointly(LIBRARY, frames, PRIOR, RANGES, 0.0, own_of(tips_m) * 1.02)
+    return fit_shape(LIBRARY, frames, PRIOR, RANGES, 0.0, near(tips_m))
 
 
 @pytest.fixture(scope="module")
@@ -108,20 +108,28 @@ def test_the_same_frames_once_more_do_not_halve_the_variance(once):
     """Frames of one contact share the discrepancy: a plain product over them would be
     surer by 1.41.
     """
-    twice = fit_jointly(
-        LIBRARY, shown() * 2, PRIOR, RANGES, 0.0, np.tile(once.own, (2, 1))
+    twice = fit_shape(
+        LIBRARY, shown() * 2, PRIOR, RANGES, 0.0, np.tile(once.unknown_fn, (2, 1))
     )
     assert once.log_modulus[1] / twice.log_modulus[1] < 1.3
 
 
 def test_the_estimate_does_not_depend_on_the_order(once):
-    turned = fit_jointly(
-        LIBRARY, shown()[::-1], PRIOR, RANGES, 0.0, once.own[::-1], once.shared
+    turned = fit_shape(
+        LIBRARY, shown()[::-1], PRIOR, RANGES, 0.0, once.unknown_fn[::-1], once.shared
     )
     assert turned.log_modulus == pytest.approx(once.log_modulus, abs=0.02)
 
 
-def test_the_gradient_equals_differences_of_the_cost():
+SHAPE_NAMES = frames_of_an_eye._SHARED_SHAPE
+
+
+@pytest.mark.parametrize(
+    ("names", "has_discrepancy"), [(SHAPE_NAMES, True), ((at.MODULUS,), False)]
+)
+def test_the_gradient_equals_differences_of_the_cost(
+    names: tuple[int, ...], has_discrepancy: bool
+):
     """The gradient is half the cost's slope, with all numbers: travel, a known force, a
     sealed globe's law.
     """
@@ -132,63 +140,69 @@ def test_the_gradient_equals_differences_of_the_cost():
         force_sd_n=0.2e-3,
         iop_pa=1.1 * exp(log(270.0)),
     )
-    problem = frames_of_an_eye._EyeProblem(LIBRARY, [frame], known, RANGES, 0.0)
-    shared = problem.mean.copy()
-    own = eye_of(TIPS_M)[5][OWN] * 1.01
-    shared[MODULUS] = log(0.31e6)
-    own[-1] = log(420.0)
-    (one,) = problem.frames
-    seen = problem.compare_frame(one, shared, own)
-    names = [at.NAMES.index(name) for name in ("tip_m", "depth_m", "log_pressure")]
-    steps = {MODULUS: 1e-4, COMPLIANCE: 1e-3, SHIFT: 1e-6}
+    problem = frames_of_an_eye._EyeProblem(
+        LIBRARY, [frame], known, RANGES, 0.0, names, has_discrepancy
+    )
+    unknown = problem.begun(np.array([eye_of(TIPS_M)[5]]) * 1.01, None)
+    unknown[problem.places(at.MODULUS)] = log(0.31e6)
+    unknown[problem.places(at.PRESSURE)] = log(420.0)
+    terms, _ = problem.evaluate(unknown)
+    extras = problem.extras.start + np.arange(5)
+    lengths = dict.fromkeys(("tip_m", "depth_m"), 1e-8)
+    steps = {int(problem.places(at.MODULUS)[0]): 1e-4}
+    steps |= dict(zip(extras.tolist(), (1e-3, 1e-6, 1e-4, 1e-5, 1e-5), strict=True))
     steps |= {
-        len(shared) + OWN.tolist().index(name): step
-        for name, step in zip(names, (1e-8, 1e-8, 1e-5), strict=True)
+        int(problem.places(at.NAMES.index(name))[0]): step
+        for name, step in (lengths | {"log_pressure": 1e-5}).items()
     }
 
     for place, step in steps.items():
         costs = []
         for sign in (-1.0, 1.0):
-            both = np.concatenate([shared, own])
-            both[place] += sign * step
-            costs.append(
-                problem.compare_frame(
-                    one, both[: len(shared)], both[len(shared) :], derive=False
-                ).cost
-            )
+            varied = unknown.copy()
+            varied[place] += sign * step
+            costs.append(problem.evaluate(varied)[1])
 
-        assert seen.gradient[place] == pytest.approx(
-            -(costs[1] - costs[0]) / (4.0 * step), rel=0.05
-        ), place
+        slope = (costs[1] - costs[0]) / (2.0 * step)
+        assert terms.gradient[place] == pytest.approx(-0.5 * slope, rel=0.05), place
 
 
-def test_eliminating_each_frame_gives_the_step_of_the_whole_matrix():
+@pytest.mark.parametrize(
+    ("names", "has_discrepancy"), [(SHAPE_NAMES, True), ((at.MODULUS,), False)]
+)
+def test_eliminating_each_frame_gives_the_step_of_the_whole_matrix(
+    names: tuple[int, ...], has_discrepancy: bool
+):
     """Oracle: the whole normal matrix of shared and own unknowns, solved at once."""
-    problem = frames_of_an_eye._EyeProblem(LIBRARY, shown()[:3], PRIOR, RANGES, 0.0)
-    shared = problem.mean.copy()
-    own = own_of(TIPS_M[:3])
-    seen = [
-        problem.compare_frame(frame, shared, one)
-        for frame, one in zip(problem.frames, own, strict=True)
-    ]
-    _, normal, gradient = problem.prior(shared)
-    count = len(shared)
-    each = len(OWN)
-    whole = np.zeros((count + 3 * each,) * 2)
-    right = np.zeros(count + 3 * each)
-    whole[:count, :count] = normal
-    right[:count] = gradient
+    problem = frames_of_an_eye._EyeProblem(
+        LIBRARY, shown()[:3], PRIOR, RANGES, 0.0, names, has_discrepancy
+    )
+    unknown = problem.begun(near(TIPS_M[:3]), None)
+    terms, _ = problem.evaluate(unknown)
+    step = problem.arrow_step(terms.normal, terms.gradient, 0.0)
+    scale = 1.0 / np.sqrt(np.diag(terms.normal))
+    whole = scale * np.linalg.solve(
+        terms.normal * np.outer(scale, scale), scale * terms.gradient
+    )
+    np.testing.assert_allclose(step / scale, whole / scale, rtol=1e-3, atol=1e-2)
 
-    for number, one in enumerate(seen):
-        places = np.r_[:count, count + number * each : count + (number + 1) * each]
-        whole[np.ix_(places, places)] += one.normal
-        right[places] += one.gradient
 
-    eliminated, pull, _ = frames_of_an_eye._eliminated(seen, count, 0.0)
-    step = np.linalg.solve(normal + eliminated, gradient + pull)
-    scale = np.sqrt(np.diag(np.linalg.inv(whole)))[:count]
-    np.testing.assert_allclose(
-        step / scale, np.linalg.solve(whole, right)[:count] / scale, atol=1e-4
+@pytest.mark.parametrize("level", [0.0, 0.05])
+def test_known_forces_give_the_modulus_with_their_level(level: float):
+    """A level of the forces and E explain the same: E takes most of it, and says how
+    sure it then is.
+    """
+    forces_n = force_n(WALLS, np.array(eye_of(TIPS_M))) * np.exp(level)
+    frames = [
+        replace(frame, force_n=float(borne_n), force_sd_n=0.2e-3)
+        for frame, borne_n in zip(shown(), forces_n, strict=True)
+    ][3:]
+    found = fit_forces(LIBRARY, frames, PRIOR, RANGES, 0.0, near(TIPS_M[3:]), {})
+    mean, sd = found.log_modulus
+    assert abs(mean - log(TRUE_PA) - level) < 2.0 * sd
+    assert sd < 0.06
+    assert found.forces_n == pytest.approx(
+        forces_n[3:] * np.exp(-found.shared[4]), rel=0.02
     )
 
 
@@ -198,11 +212,11 @@ def test_travel_makes_the_modulus_surer_and_finds_compliance_and_shift(
     found = fitted(shown(travel=True))
     assert found.log_modulus[1] < once.log_modulus[1]
     assert abs(found.log_modulus[0] - log(TRUE_PA)) < 2.0 * found.log_modulus[1]
-    sd = np.sqrt(np.diag(found.covariance))
-    assert (
-        abs(found.shared[COMPLIANCE] - log(COMPLIANCE_M_PER_N)) < 2.5 * sd[COMPLIANCE]
-    )
-    assert abs(found.shared[SHIFT] - SHIFT_M) < 2.5 * sd[SHIFT]
+    extras = slice(len(found.names), None)
+    sd = np.sqrt(np.diag(found.covariance))[extras]
+    off = abs(found.shared[extras][COMPLIANCE] - log(COMPLIANCE_M_PER_N))
+    assert off < 2.5 * sd[COMPLIANCE]
+    assert abs(found.shared[extras][SHIFT] - SHIFT_M) < 2.5 * sd[SHIFT]
 
 
 def test_one_known_force_counts_in_the_same_posterior(once):

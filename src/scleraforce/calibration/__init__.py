@@ -15,6 +15,7 @@ Public:
     evaluation: `Evaluation`, `FrameAnswer`, `check_once`, `evaluate_recordings`,
         `recording_scores`
     seen_frames: `CalibrationSettings`, `frame_order`
-    stiffness_from_forces: `TissueTrial`, `reread_eye`, `search_stiffening`
+    start_of_an_eye: `ForceFrame`
+    stiffness_from_forces: `TissueTrial`, `eye_of_forces`, `search_stiffening`
     stiffness_from_shape: `EyePosterior`, `calibrate_without_force`
 """

@@ -1,14 +1,15 @@
 """Young's modulus of each eye from its recordings, and of the population (paper sec.
 3.2, Table 2).
 
-The frames of an eye pass the filter one by one, and are then read again
+The frames of an eye are fitted together (`start_of_an_eye`), and are then read again
 (`stiffness_from_forces`), with the walls of one tissue at a time;
 `stiffness_from_forces.search_stiffening` looks for the tissue that explains them best.
+Linear mechanics is the paper's, and so is its filter (`filtered_eye`).
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from math import exp
 
 import numpy as np
 
@@ -20,55 +21,68 @@ from scleraforce.calibration.calibration import (
     Calibration,
     EyeCalibration,
     FrameRecord,
-    UsedRecording,
     rigidity_words,
 )
-from scleraforce.calibration.filter import eye_filter
-from scleraforce.calibration.filter.eye_parameters import (
-    polar_spread_rad,
-    stated_globe,
+from scleraforce.calibration.filter.eye_filter import (
+    PARAMETERS,
+    RIGIDITY,
+    SkippedFrame,
 )
-from scleraforce.calibration.filter.library_sections import LibrarySections, library_eye
-from scleraforce.calibration.filter.section_registration import first_belief
+from scleraforce.calibration.filtered_eye import filter_eye
 from scleraforce.calibration.holds_of_a_log import STEP_S
+from scleraforce.calibration.recording_to_calibrate import (
+    calibration_remarks,
+    check_same_lean,
+    nothing_taken,
+    setup_to_calibrate,
+    used_recordings,
+)
 from scleraforce.calibration.seen_frames import (
+    NO_WALL,
     CalibrationSettings,
     EyeFrames,
-    SeenFrame,
     count_nothing,
     frame_order,
 )
+from scleraforce.calibration.start_of_an_eye import (
+    SOUGHT,
+    ForceFrame,
+    StartedEye,
+    first_fit,
+    of_other_eyes,
+    start_eye,
+    with_prior,
+)
 from scleraforce.calibration.stiffness_from_forces import (
+    KnownForce,
+    RereadEye,
     TissueTrial,
+    modulus_after,
     most_trials,
     own_modulus_and_globe,
     reread_eye,
     search_stiffening,
 )
 from scleraforce.calibration.who_yields import decided_relaxation
+from scleraforce.fit import unknowns
+from scleraforce.fit.one_frame import BoundaryFit
 from scleraforce.library import Library
 from scleraforce.library.sealed_eye import iop_ratio_under_force
-from scleraforce.recordings.force_errors import FrameForces
-from scleraforce.recordings.forces_under_frames import label_remarks, log_doubts
-from scleraforce.recordings.recording_folder import Recording, tables_digest
-from scleraforce.records.eye import Eye, open_doubts
+from scleraforce.recordings.recording_folder import Recording
 from scleraforce.records.fields import declared
 from scleraforce.records.globe import OPEN, SEALED, UNKNOWN
-from scleraforce.records.needle import Needle, one_lean
+from scleraforce.records.needle import one_lean
 from scleraforce.records.remark import Remark
-from scleraforce.records.scan import Scan
-from scleraforce.records.setup import Setup, completed_by_study
+from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
 from scleraforce.records.tissue_relaxation import Relaxation
 from scleraforce.wall.wall_network import WallFinder
 
 # standard deviations that a rigidity lies above 0 of a globe that cannot be open
 SURE_SEALED = 3.0
-STIFFENING = "stiffening"  # the parameter that no filter has: it is searched for
+STIFFENING = "stiffening"  # a parameter that is searched for, by whole calibrations
 # frames of the search; if more are wanted, they are calibrated on once it is found
 SOUGHT_ON = 6
-# forces above this multiple of the highest calibrated force are far from it
-FAR_ABOVE = 1.5
 LEAKS = Remark(
     "leak-not-followed",
     "eye.leak_time_s: E and k are of the globe without its leak, which single frames"
@@ -120,10 +134,10 @@ def calibrate_recordings(
             " stiffening"
         )
 
-    of_filter = tuple(name for name in parameters if name != STIFFENING)
+    at_once = tuple(name for name in parameters if name != STIFFENING)
     passes = calibration_passes(library, parameters)
     settings = CalibrationSettings(
-        study, library, of_filter, STIFFENING in parameters, frames, finder
+        study, library, at_once, STIFFENING in parameters, frames, finder
     )
     eyes = dict[str, EyeCalibration]()
 
@@ -219,7 +233,6 @@ def _of_yielding(
         return found
 
     frames.decide(relaxation)
-    frames.poses.clear()
     of_tissue = library.for_stiffening(found.stiffening)
     return calibrate_eye(
         recording,
@@ -274,19 +287,17 @@ def _of_tissue(
     of the known one.
     """
     library = settings.library
-    frames.poses.clear()
-    if library is not None and earlier is None and settings.stiffening_sought:
+    frames.started = None
+    if library is None:
+        return filter_eye(recording, settings, frames, earlier)
+    if earlier is None and settings.stiffening_sought:
         return _of_sought_tissue(recording, settings, library, frames)
 
-    if library is not None:
-        stiffening = (
-            settings.study.tissue.stiffening if earlier is None else earlier.stiffening
-        )
-        library = library.for_stiffening(stiffening)
-
-    return calibrate_eye(
-        recording, replace(settings, library=library), frames, earlier
-    ).found
+    stiffening = (
+        settings.study.tissue.stiffening if earlier is None else earlier.stiffening
+    )
+    of_tissue = replace(settings, library=library.for_stiffening(stiffening))
+    return calibrate_eye(recording, of_tissue, frames, earlier).found
 
 
 def _of_sought_tissue(
@@ -304,7 +315,7 @@ def _of_sought_tissue(
         of_tissue: Library, wanted: int | None
     ) -> TissueTrial[EyeCalibration]:
         with np.errstate(all="ignore"):
-            # with walls that are far from the eye's a filter may end anywhere
+            # with walls that are far from the eye's a fit may end anywhere
             return calibrate_eye(
                 recording,
                 replace(settings, library=of_tissue, frames=wanted),
@@ -368,9 +379,7 @@ def _rests_pa(
     _, forces, _, elastic_n = frames.labelled()
     stated_eye = setup_to_calibrate(recording, study).eye
     iop_pa = declared(stated_eye.iop_pa, "eye: iop_pa")
-    modulus_pa = dict(zip(eye.names, eye.means, strict=True))[
-        eye_filter.PARAMETERS["e"]
-    ]
+    modulus_pa = dict(zip(eye.names, eye.means, strict=True))[PARAMETERS["e"]]
     law = eye.globe.pressure_law(eye.globe.mean)
 
     leak_time_s = recording.info.eye.leak_time_s
@@ -404,167 +413,244 @@ def _calibrate_eye(
     earlier: EyeCalibration | None,
     rests_pa: Floats | None,
 ) -> TissueTrial[EyeCalibration]:
-    """Calibrate an eye, whose frames have resting pressures of their own if it
-    leaks.
+    """Calibrate an eye with the walls of one tissue; its frames have resting pressures
+    of their own if it leaks.
     """
     study = settings.study
     library = settings.library
-    trials, forces, relaxation, _ = frames.labelled()
-    session = _begin(recording, settings, frames, earlier)
-    records, steps = (
-        ([], []) if earlier is None else (list(earlier.frames), list(earlier.steps))
+    assert library is not None  # else `filtered_eye.filter_eye`
+    _, forces, relaxation, _ = frames.labelled()
+    if earlier is not None:
+        check_same_lean(recording, earlier)
+    setup = with_prior(setup_to_calibrate(recording, study), study)
+    check_library(setup, study, library)
+    taken = _taken_frames(recording, settings, frames, setup, rests_pa)
+    settings.count(len(recording.frames))
+    started = start_eye(
+        _beside_followed(setup, frames, taken.frames),
+        taken.frames,
+        taken.fits,
+        library.nearest_contact(setup.needle.polar_rad),
+        study,
+        _sought_sds(setup, settings),
+        frames.started,
     )
+    frames.started = started
+    records = list(() if earlier is None else earlier.frames)
+    before = [frame.again for frame in records if frame.again is not None]
+    begun = replace(setup, eye=started.setup.eye)
+    after = (
+        reread_eye(begun, taken.frames, before, library, study)
+        if started.status == "ok"
+        else RereadEye(begun, (None,) * len(taken.frames), 0.0)
+    )
+    records += _reread_records(taken, after, setup, started.status)
+    names, means, sds = _parameters(after.setup, started)
+    leaks = () if rests_pa is None else (LEAKS,)
+    remarks = calibration_remarks(recording, frames, records, study, leaks)
+    eye = EyeCalibration(
+        id=recording.info.eye_name,
+        names=names,
+        means=means,
+        sds=sds,
+        bounds_n=study.classes.bounds_n,
+        stated_thickness_m=declared(after.setup.eye.thickness_m, "eye: thickness_m"),
+        globe=declared(after.setup.eye.globe, "globe"),
+        recordings=used_recordings(recording, forces, earlier, remarks),
+        frames=tuple(records),
+        discrepancy=after.setup.eye.discrepancy,
+        stiffening=library.stiffening,
+        relaxation=relaxation,
+        lean_rad=one_lean(recording.info.needle.lean_rad),
+        prior=declared(setup.eye.modulus, "modulus"),
+    )
+
+    if eye.status != "ok":
+        return TissueTrial.diverged(eye, taken.refused)
+    return after.trial(eye, taken.refused)
+
+
+def check_library(setup: Setup, study: Study, library: Library) -> None:
+    """Raise a `CalibrationError` if a library has no walls of an eye."""
+    mine = (
+        study.eye.radius_m,
+        study.eye.poisson_ratio,
+        study.needle.outer_diameter_m / 2,
+    )
+    theirs = library.radius_m, library.poisson_ratio, library.needle_radius_m
+    if not np.allclose(mine, theirs, rtol=1e-6):
+        raise CalibrationError(
+            "library: made for another radius of the eye, Poisson's ratio or needle"
+            " than the study's; make it anew"
+        )
+
+    thickness_m = declared(setup.eye.thickness_m, "eye: thickness_m")
+    thinnest, thickest = (float(library.thickness_m[end]) for end in (0, -1))
+    if not thinnest <= thickness_m <= thickest:
+        raise CalibrationError(
+            f"thickness: {from_si(thickness_m, 'um'):g} µm; the library has"
+            f" walls of {from_si(thinnest, 'um'):.0f} to"
+            f" {from_si(thickest, 'um'):.0f} µm"
+        )
+
+
+def _sought_sds(setup: Setup, settings: CalibrationSettings) -> dict[str, float]:
+    """Return the standard deviations of what is uncertain beside E, by its name in
+    `SOUGHT`; that of the IOP is of its logarithm.
+    """
+    study = settings.study.calibration
+    eye = setup.eye
+    iop_pa = max(declared(eye.iop_pa, "eye: iop_pa"), 1.0)
+    sds = {
+        "iop": (eye.iop_sd_pa or study.iop_sd_pa) / iop_pa,
+        "thickness": eye.thickness_sd_m or study.thickness_sd_m,
+        "gap": study.gap_sd_m,
+    }
+    return {name: sds[name] for name in settings.parameters if name in sds}
+
+
+@dataclass(frozen=True, eq=False)
+class _TakenFrames:
+    """The frames of a recording that an eye is calibrated on.
+
+    `records` of all frames that were looked at; `places` of the taken ones among them,
+    with their `frames` and first `fits`. `refused`: the number of frames of known force
+    that no wall of the library lies on.
+    """
+
+    records: tuple[FrameRecord, ...]
+    places: tuple[int, ...]
+    frames: tuple[ForceFrame, ...]
+    fits: tuple[BoundaryFit, ...]
+    refused: int
+
+
+def _taken_frames(
+    recording: Recording,
+    settings: CalibrationSettings,
+    frames: EyeFrames,
+    setup: Setup,
+    rests_pa: Floats | None,
+) -> _TakenFrames:
+    """Return the wanted number of frames of a recording, or all that can be used."""
+    study = settings.study
+    library = settings.library
+    assert library is not None
+    near = library.nearest_contact(setup.needle.polar_rad)
+    others = of_other_eyes(setup)
+    trials, forces, _, _ = frames.labelled()
     least_n = study.calibration.min_force_n
     left = len(trials) if settings.frames is None else settings.frames
     included = [trial.excluded is None for trial in trials]
-    rising = stated_globe(session.filter.model.setup).can_be_sealed
-    order = frame_order(forces.force_n, included, least_n, settings.frames, rising)
-    taken = dict[int, tuple[SeenFrame, float | None]]()
+    order = frame_order(forces.force_n, included, least_n, settings.frames, False)
+    records = list[FrameRecord]()
+    found = dict[int, tuple[ForceFrame, BoundaryFit]]()
     refused = 0
-    path = str(recording.path)
 
     for index in order:
-        seen = frames.seen(index) if left > 0 and included[index] else None
-        if seen is not None:
-            force_n = float(forces.force_n[index])
-            if isinstance(seen.wall, eye_filter.SkippedFrame):
-                found: eye_filter.FrameStep | eye_filter.SkippedFrame | None = seen.wall
-            else:
-                rest_pa = None if rests_pa is None else float(rests_pa[index])
-                now = _at(session, seen, rest_pa, study)
-                now = eye_filter.step(
-                    now, seen.wall, force_n, float(forces.since_start_s[index])
-                )
-                session = replace(now, filter=session.filter)
-                found = session.last
-                refused += force_n > least_n and isinstance(
-                    found, eye_filter.SkippedFrame
-                )
+        force_n = float(forces.force_n[index])
+        if left <= 0 or not included[index] or not force_n > least_n:
+            continue
 
-                if isinstance(found, eye_filter.FrameStep):
-                    taken[len(records)] = seen, rest_pa
-                    steps.append(found)
-                    left -= 1
+        seen = frames.seen(index)
+        if seen is None:
+            continue
 
-            assert found is not None  # after a step
-            mean_pa = session.modulus.mean_pa
-            sd_pa = session.modulus.sd_pa
-            of_frame = partial(
-                FrameRecord,
-                recording=path,
+        rest_pa = None if rests_pa is None else float(rests_pa[index])
+        skipped, frame, fit = None, None, None
+
+        if isinstance(seen.wall, SkippedFrame):
+            skipped = seen.wall.reason
+        else:
+            frame = seen.with_force(force_n, rest_pa)
+            fit = first_fit(frame.shown, seen.beside(others), near, study)
+            if fit is None:
+                skipped = NO_WALL
+                refused += 1
+
+        if frame is not None and fit is not None:
+            found[len(records)] = frame, fit
+            left -= 1
+
+        records.append(
+            FrameRecord(
+                recording=str(recording.path),
                 file=seen.file,
                 sha256=seen.sha256,
                 planes=seen.files,
+                force_n=force_n,
+                mean_pa=0.0,
+                sd_pa=0.0,
+                skipped=skipped,
             )
-            frame = of_frame(force_n=force_n, mean_pa=mean_pa, sd_pa=sd_pa)
-            records.append(_recorded(frame, found))
-
-        settings.count(1)
-
-    settings.count(len(trials) - len(order))
-    missed_n = [record.force_n for record in records if record.skipped is not None]
-    used_n = [record.force_n for record in records if record.skipped is None]
-    sealed = open_doubts(recording.info.eye.globe) if library is None else ()
-    remarks = (
-        *(Remark("inputs-ignored", words, ("globe",)) for words in sealed),
-        *(() if rests_pa is None else (LEAKS,)),
-        *label_remarks(recording, trials),
-        *recording.walls.remarks,
-        *log_doubts(recording, study.classes, frames.dents),
-        *reach_remarks(used_n, missed_n),
-    )
-
-    if not used_n:
-        reason = next((record.skipped for record in records), "excluded")
-        raise CalibrationError(
-            f"{path}: none of its {len(trials)} frames can be calibrated on ({reason});"
-            " it takes frames with a wall in view and more than"
-            f" {from_si(least_n, 'mn'):g} mN"
-            + "".join(f"; {remark}" for remark in remarks)
         )
 
-    means, sds = eye_filter.parameter_moments(session.filter, session.state)
-    eye = EyeCalibration(
-        id=recording.info.eye_name,
-        names=session.filter.space.names,
-        means=tuple(means.tolist()),
-        sds=tuple(sds.tolist()),
-        bounds_n=study.classes.bounds_n,
-        stated_thickness_m=declared(
-            session.filter.model.setup.eye.thickness_m, "eye: thickness_m"
-        ),
-        globe=eye_filter.known_globe_after(session.filter, session.state),
-        state=session.state,
-        recordings=_recordings(recording, forces, earlier, remarks),
-        frames=tuple(records),
-        steps=tuple(steps),
-        filter=session.filter,
-        stiffening=0.0 if library is None else library.stiffening,
-        relaxation=relaxation,
-        lean_rad=one_lean(recording.info.needle.lean_rad),
-    )
+    if not found:
+        raise nothing_taken(recording, frames, records, study)
 
-    return _settled(eye, eye_filter.known_after(session), taken, refused, settings)
+    taken, fits = zip(*found.values(), strict=True)
+    return _TakenFrames(tuple(records), tuple(found), taken, fits, refused)
 
 
-def reach_remarks(
-    used_n: Sequence[float], missed_n: Sequence[float]
-) -> tuple[Remark, ...]:
-    """Return a remark if forces, N, were missed far above all that were calibrated
-    on.
-
-    A wall that leaves the picture, down a dent or up under a rising pressure, cannot be
-    calibrated on, and shallow dents hardly tell modulus and rigidity of a sealed eye
-    apart.
-
-    >>> reach_remarks([0.011, 0.02], [0.028])
-    ()
+def _beside_followed(
+    setup: Setup, frames: EyeFrames, taken: Sequence[ForceFrame]
+) -> Setup:
+    """Return a setup beside the plane that is followed, at the frames' median gap; of a
+    single plane the setup.
     """
-    highest_n = max(used_n, default=0.0)
-    missed_n = [force_n for force_n in missed_n if np.isfinite(force_n)]
-    if not missed_n or max(missed_n) <= FAR_ABOVE * highest_n:
-        return ()
+    if frames.followed is None:
+        return setup
 
-    words = (
-        f"no frame above {from_si(highest_n, 'mn'):.0f} mN could be calibrated on,"
-        f" of forces up to {from_si(max(missed_n), 'mn'):.0f} mN; what is read"
-        " above rests on the library's walls alone"
-    )
-    return (Remark("forces-not-reached", words),)
+    turned = setup.turned(frames.followed.direction_rad)
+    gap_m = float(np.median([frame.gap_m or 0.0 for frame in taken]))
+    return replace(turned, needle=replace(turned.needle, gap_m=gap_m))
 
 
-def setup_to_calibrate(recording: Recording, study: Study) -> Setup:
-    """Return what the filter takes from a recording's statements, completed by the
-    study's values; raises `CalibrationError`.
-
-    The modulus is sought. Uncertainties, and the recording's size of eye and needle,
-    are no inputs of the filter.
+def _reread_records(
+    taken: _TakenFrames, after: RereadEye, setup: Setup, status: str
+) -> list[FrameRecord]:
+    """Return the records of a recording's frames with their readings, and E after
+    each of them.
     """
-    info = recording.info
-    if info.eye.thickness_m is None:
-        raise CalibrationError(
-            f"{recording.path / 'recording.toml'}: eye.thickness_m: missing; a"
-            " calibration needs the wall's thickness"
+    records = list(taken.records)
+    read = list[KnownForce]()
+
+    for place, again in zip(taken.places, after.again, strict=True):
+        record = replace(records[place], again=again)
+        if again is not None:
+            read.append(again)
+            record = replace(record, own_modulus_pa=again.own_modulus_pa)
+
+        estimate = modulus_after(read, after.setup, setup)
+        if place == taken.places[-1]:
+            estimate = declared(after.setup.eye.modulus, "modulus")
+        records[place] = replace(
+            record, mean_pa=estimate.mean_pa, sd_pa=estimate.sd_pa, status=status
         )
 
-    completed = completed_by_study(info.setup, study)
-    # of several planes, each moment has its own
-    gap_m = 0.0 if info.scan.planes else completed.needle.gap_m
-    return Setup(
-        eye=Eye(
-            iop_pa=completed.eye.iop_pa,
-            iop_sd_pa=info.eye.iop_sd_pa,
-            thickness_m=completed.eye.thickness_m,
-            thickness_sd_m=info.eye.thickness_sd_m,
-            radius_m=info.eye.radius_m,
-            radius_sd_m=info.eye.radius_sd_m,
-            globe=completed.eye.globe or UNKNOWN,
-        ),
-        needle=Needle(gap_m=gap_m, polar_rad=completed.needle.polar_rad),
-        scan=Scan(
-            direction_rad=completed.scan.direction_rad, tilt_rad=completed.scan.tilt_rad
-        ),
-    )
+    return records
+
+
+def _parameters(
+    setup: Setup, started: StartedEye
+) -> tuple[tuple[str, ...], tuple[float, ...], tuple[float, ...]]:
+    """Return names, means and standard deviations of what was found of an eye."""
+    modulus, globe = own_modulus_and_globe(setup)
+    found = {PARAMETERS["e"]: (modulus.mean_pa, modulus.sd_pa)}
+
+    for name, place in SOUGHT.items():
+        if place in started.fit.names:
+            mean, sd = started.fit.moments(place)
+            if place == unknowns.IOP:
+                mean = exp(mean)
+                sd = mean * sd
+            found[PARAMETERS[name]] = mean, sd
+
+    if globe.can_be_sealed:
+        found[RIGIDITY] = globe.mean, globe.sd
+
+    means, sds = zip(*found.values(), strict=True)
+    return tuple(found), means, sds
 
 
 def check_planes_can_calibrate(
@@ -583,154 +669,3 @@ def check_planes_can_calibrate(
         raise CalibrationError(
             f"{place}: several planes show their gaps; leave gap out of the parameters"
         )
-
-
-def _at(
-    session: eye_filter.EyeSession,
-    seen: SeenFrame,
-    rest_pa: float | None,
-    study: Study,
-) -> eye_filter.EyeSession:
-    """Return the eye at a frame's place, if it is one of several planes, and its own
-    resting pressure, if it leaks.
-    """
-    model = session.filter.model
-    if seen.planes is not None and isinstance(model, LibrarySections):
-        model = library_eye(
-            study, seen.beside(model.setup), model.library, model.polar_sd_rad
-        )
-    if rest_pa is not None:
-        eye = replace(model.setup.eye, iop_pa=rest_pa)
-        model = replace(model, setup=replace(model.setup, eye=eye))
-    return replace(session, filter=replace(session.filter, model=model))
-
-
-def _begin(
-    recording: Recording,
-    settings: CalibrationSettings,
-    frames: EyeFrames,
-    earlier: EyeCalibration | None,
-) -> eye_filter.EyeSession:
-    """Return the eye before this recording's frames; the pose that frames share is new
-    with each recording.
-    """
-    setup = setup_to_calibrate(recording, settings.study)
-    if settings.library is None:
-        # as in the paper: linear mechanics knows no other
-        setup = replace(setup, eye=replace(setup.eye, globe=OPEN))
-
-    _, forces, _, _ = frames.labelled()
-    begun = (
-        settings.study,
-        setup,
-        settings.library,
-        settings.parameters,
-        forces.zero_covariance,
-    )
-    session = eye_filter.begin(
-        *begun,
-        frames.poses if earlier is None else None,
-        polar_sd_rad=polar_spread_rad(recording.info.needle, settings.study),
-    )
-
-    if earlier is None:
-        return session
-    if (earlier.lean_rad is None) != (recording.info.needle.lean_rad is None):
-        raise CalibrationError(
-            f"{recording.path / 'recording.toml'}: needle.lean_rad: some recordings of"
-            f" {earlier.id} state it and some do not; state it in all of them, or in"
-            " none"
-        )
-
-    assert earlier.state is not None  # of a filter
-    return replace(
-        session, state=replace(earlier.state, belief=first_belief(session.filter.model))
-    )
-
-
-def _recorded(
-    record: FrameRecord, found: eye_filter.FrameStep | eye_filter.SkippedFrame
-) -> FrameRecord:
-    if isinstance(found, eye_filter.SkippedFrame):
-        return replace(record, skipped=found.reason)
-
-    result = found.result
-    own_pa = found.registered.wall.youngs_modulus_pa
-    record = replace(
-        record, own_modulus_pa=own_pa, points=result.observations, gated=result.gated
-    )
-
-    return replace(
-        record, nis=result.nis, inflation=result.inflation, status=result.status
-    )
-
-
-def _recordings(
-    recording: Recording,
-    forces: FrameForces,
-    earlier: EyeCalibration | None,
-    remarks: tuple[Remark, ...],
-) -> tuple[UsedRecording, ...]:
-    """Return the recordings that an eye rests on, this one among them."""
-    path = str(recording.path)
-    sha256 = tables_digest(recording)
-    zero_n, drift = forces.zero.tolist()
-    used = UsedRecording(
-        path=path, sha256=sha256, zero_n=zero_n, drift_n_per_s=drift, remarks=remarks
-    )
-
-    return (used,) if earlier is None else (*earlier.recordings, used)
-
-
-def _settled(
-    eye: EyeCalibration,
-    setup: Setup,
-    taken: Mapping[int, tuple[SeenFrame, float | None]],
-    refused: int,
-    settings: CalibrationSettings,
-) -> TissueTrial[EyeCalibration]:
-    """Return a calibration after its frames are read again, at their resting pressures,
-    Pa, if it leaks.
-    """
-    if settings.library is None or eye.status != "ok":
-        return TissueTrial.diverged(eye, refused)
-
-    frames = list(eye.frames)
-    asked = [
-        (seen.planes or seen.wall, frames[place].force_n)
-        for place, (seen, _) in taken.items()
-        if not isinstance(seen.wall, eye_filter.SkippedFrame)
-    ]
-    rested = [rest_pa for _, rest_pa in taken.values() if rest_pa is not None]
-    earlier = [
-        frame.again
-        for place, frame in enumerate(frames)
-        if frame.again is not None and place not in taken
-    ]
-    after = reread_eye(
-        setup, asked, earlier, settings.library, settings.study, rested or None
-    )
-
-    for place, read in zip(taken, after.again, strict=True):
-        frames[place] = replace(frames[place], again=read)
-
-    modulus, globe = own_modulus_and_globe(after.setup)
-    now = {
-        eye_filter.PARAMETERS["e"]: (modulus.mean_pa, modulus.sd_pa),
-        eye_filter.RIGIDITY: (globe.mean, globe.sd),
-    }
-    estimates = zip(eye.names, eye.means, eye.sds, strict=True)
-    means, sds = zip(
-        *(now.get(name, (mean, sd)) for name, mean, sd in estimates), strict=True
-    )
-    discrepancy = after.setup.eye.discrepancy
-    settled_eye = replace(
-        eye,
-        means=means,
-        sds=sds,
-        globe=globe,
-        discrepancy=discrepancy,
-        frames=tuple(frames),
-    )
-
-    return after.trial(settled_eye, refused)

@@ -35,7 +35,12 @@ from scleraforce.records.calibration_file import (
     CalibrationFile,
     decode_file,
 )
-from scleraforce.records.eye import NO_DISCREPANCY, REFERENCE_N, ForceDiscrepancy
+from scleraforce.records.eye import (
+    NO_DISCREPANCY,
+    REFERENCE_N,
+    ForceDiscrepancy,
+    Modulus,
+)
 from scleraforce.records.fields import declared, one_line
 from scleraforce.records.globe import Globe
 from scleraforce.records.remark import Remark, numbered, sentences
@@ -108,8 +113,8 @@ class EyeCalibration:
     normal, and E is of these. With a library, modulus and rigidity are from the frames
     read again (`calibration.stiffness_from_forces`); `without_force`: E is from the
     shape of the dents (`calibration.stiffness_from_shape`). The filter's `state`, from
-    which the eye's next recording continues, and its `steps`, for figures, are missing
-    if read from a file.
+    which the eye's next recording continues, its `steps`, for figures, and the `prior`
+    of E are missing if read from a file.
     """
 
     id: str
@@ -130,6 +135,7 @@ class EyeCalibration:
     state: EyeState | None = field(default=None, repr=False)
     steps: tuple[FrameStep, ...] = field(default=(), repr=False)
     filter: EyeFilter | None = field(default=None, repr=False)
+    prior: Modulus | None = None
 
     @property
     def used(self) -> tuple[FrameRecord, ...]:

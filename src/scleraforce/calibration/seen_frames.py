@@ -18,8 +18,8 @@ import numpy as np
 from scleraforce.base.arrays import Floats
 from scleraforce.base.errors import CalibrationError
 from scleraforce.calibration.filter import eye_filter
-from scleraforce.calibration.filter.section_registration import PoseBelief
 from scleraforce.calibration.relaxation_from_holds import with_elastic_forces
+from scleraforce.calibration.start_of_an_eye import ForceFrame, StartedEye
 from scleraforce.fit.one_frame import NO_WALL_M
 from scleraforce.fit.planes_of_a_moment import PlanesFit, SeenPlane, fit_planes
 from scleraforce.fit.prior_of_an_eye import prior_of
@@ -59,8 +59,8 @@ def count_nothing(_: int) -> None:
 
 @dataclass(frozen=True)
 class CalibrationSettings:
-    """The arguments of `calibrate_recordings`; `parameters` are the filter's; `count`
-    is called with steps done.
+    """The arguments of `calibrate_recordings`; `parameters` are those found by one fit,
+    without the stiffening; `count` is called with steps done.
     """
 
     study: Study
@@ -88,10 +88,26 @@ class SeenFrame:
     place: tuple[float, float, float] = (0.0, 0.0, 0.0)
     files: tuple[tuple[str, str], ...] = ()
 
-    def beside(self, setup: Setup) -> Setup:
-        """Return what is stated of an eye, at the place of the plane; the scan of
-        `setup` is along the scanner's x axis.
+    def with_force(self, force_n: float, iop_pa: float | None) -> ForceFrame:
+        """Return the frame with its known force, N, and the pressure at rest at its
+        time, Pa, if that is not the eye's.
         """
+        assert not isinstance(self.wall, eye_filter.SkippedFrame)
+        return ForceFrame(
+            wall=self.wall,
+            force_n=force_n,
+            planes=self.planes,
+            gap_m=None if self.planes is None else self.place[0],
+            iop_pa=iop_pa,
+        )
+
+    def beside(self, setup: Setup) -> Setup:
+        """Return what is stated of an eye, at the place of the plane if there are
+        several; the scan of `setup` is along the scanner's x axis.
+        """
+        if self.planes is None:
+            return setup
+
         gap_m, turn_rad, tilt_rad = self.place
         turned = setup.turned(turn_rad)
         return replace(
@@ -107,7 +123,8 @@ class EyeFrames:
 
     `recording` has the first frame of each moment. Forces are parts along the wall's
     normal, with a library elastic ones. `relaxation` is how the tissue relaxes, if that
-    is known already.
+    is known already. `started`: the eye with the tissue that was tried last, where the
+    next trial begins.
     """
 
     def __init__(
@@ -128,11 +145,11 @@ class EyeFrames:
                 recording, frames=tuple(first for first, *_ in self.moments)
             )
 
+        self.started: StartedEye | None = None
         self.seen = cache(self._seen)
         self.labelled = cache(self._labelled)
         self._look = cache(self._look_at)
         self._fitted = cache(self._fit)
-        self.poses = dict[Boundaries, PoseBelief]()
 
     def _seen(self, index: int) -> SeenFrame | None:
         moment = self.moments[index]

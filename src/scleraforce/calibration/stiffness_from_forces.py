@@ -1,16 +1,13 @@
-"""Frames of known force, read as a reader would: E, k, the forces' level and growth,
-and the tissue's stiffening.
+"""E, k, the forces' level and growth, and the tissue's stiffening, from frames of known
+force.
 
-The filter weighs the frames one after the other, each linearised at the state it had
-then, and takes the library's walls for the eye's. In the end all frames are read once
-more with the same E and k; their known forces over those read show how far E, k and the
-forces' level and growth are off (`KnownForce`). The frames determine the four together
-far better than each: the discrepancy is known given E and k (`ForceDiscrepancy`), and
-best for forces like the frames'.
-
-`regression` finds the four together. E and k are held by the filter's posterior, with
-heavy tails, for it may have been led astray; level and growth by their spread among
-eyes.
+Once `start_of_an_eye` has found where E and k lie, all frames are read as a reader
+would read them, without their forces and with the same E and k. Their known forces over
+those read show how far E, k and the forces' level and growth are off (`KnownForce`).
+The frames determine the four together far better than each: the discrepancy is known
+given E and k (`ForceDiscrepancy`), and best for forces like the frames'. `regression`
+finds the four; E and k are held by the start, with heavy tails, level and growth by
+their spread among eyes.
 
 The loss of a stiffening (`search_stiffening`) is that of the frames' boundaries, read
 without their forces, and that of the forces read beside the known ones.
@@ -30,28 +27,38 @@ from scleraforce.base.normal_distribution import (
     correlation_of,
     within_bounds,
 )
+from scleraforce.calibration.start_of_an_eye import (
+    EVEN_LOSS,
+    ForceFrame,
+    first_fit,
+    of_other_eyes,
+    start_eye,
+    with_prior,
+)
 from scleraforce.fit.one_frame import NO_WALL_M, BoundaryFit, fit_boundaries
 from scleraforce.fit.planes_of_a_moment import PlanesFit
 from scleraforce.fit.prior_of_an_eye import Prior, prior_of
 from scleraforce.library import Library
 from scleraforce.library.library_plan import LITTLE_STIFFENING, stiffening_place
 from scleraforce.recordings.force_errors import LABEL_SD_N
-from scleraforce.records.eye import ForceDiscrepancy, Modulus, beside_middle
+from scleraforce.records.eye import (
+    GROWTH_SCALE,
+    LEVEL_SCALE,
+    ForceDiscrepancy,
+    Modulus,
+    beside_middle,
+)
 from scleraforce.records.fields import computed
 from scleraforce.records.globe import REFERENCE_RIGIDITY, Globe
 from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
-from scleraforce.wall.wall_in_metres import Boundaries
 
 Scales = tuple[Floats, Floats]
 
 # places of the four that are found: ln E, k over the reference's, level, growth
 OF_MODULUS = 0
 OF_RIGIDITY = 1
-# Scales of Cauchy's prior, whose density falls slowly: forces of most eyes are hardly
-# off (uneven ones, computed in three dimensions, drift by 0.035 from none to the
-# largest), forces of tissue that stiffens by up to 1.
-SCALES = np.array([0.02, 0.035])  # of level and growth
+SCALES = np.array([LEVEL_SCALE, GROWTH_SCALE])
 CAUCHY = 2.0  # scales at which a prior's weight is halved
 ROUNDS = 60
 # starts of the search: either pair explains much
@@ -72,6 +79,7 @@ SCATTER_FRAMES = 5.0
 
 # What a calibration file may hold: squares of the largest are still numbers, and the
 # tiniest may be divided by.
+LEAST_SLOPE = 0.2  # of the force by E: less is the slope of a globe that bears it all
 LARGEST = 1e15
 TINY = 1e-15
 finite = partial(computed, -LARGEST, LARGEST)
@@ -98,6 +106,14 @@ class KnownForce:
     by_modulus: float = finite(default=1.0)
     by_rigidity: float = finite(default=0.0)
     loss: float = not_negative(default=0.0)
+
+    @property
+    def own_modulus_pa(self) -> float:
+        """The modulus by this frame alone, at the rigidity that it was read with."""
+        ratio = self.force_n / self.library_n
+        return self.modulus_pa * float(
+            ratio ** (1.0 / max(self.by_modulus, LEAST_SLOPE))
+        )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -220,6 +236,16 @@ def _loss(
     return float(weight @ rest**2 + of_filter + of_eyes)
 
 
+def modulus_after(read: Sequence[KnownForce], setup: Setup, prior: Setup) -> Modulus:
+    """Return the modulus by some of an eye's readings and a prior; `setup`: the eye
+    after all of them.
+    """
+    found = regression(read, prior, place_of(setup))
+    sd = float(np.sqrt(found.covariance[OF_MODULUS, OF_MODULUS]))
+    mean_pa = exp(float(found.mean[OF_MODULUS]))
+    return Modulus(mean_pa=mean_pa, sd_pa=sd * mean_pa, source="own")
+
+
 def own_modulus_and_globe(setup: Setup) -> tuple[Modulus, Globe]:
     """Return modulus and globe of an eye after its frames, which has both."""
     assert setup.eye.modulus is not None
@@ -250,10 +276,6 @@ REFINEMENTS = 3  # stiffenings between the library's that are tried
 # more loss than that of a stiffening that explains the frames: those beyond are not
 # tried
 ENOUGH = 6.0
-# Loss of the boundaries of a frame of an even wall. Walls that the library does not
-# have lose more, whatever their tissue, and say less of it: their loss is divided by
-# the ratio.
-EVEN_LOSS = 5.0
 # times as much: frames of uneven eyes, too, are explained by the walls of their tissue
 EXPLAINED = 8.0
 # Scale of Cauchy's prior of ln(1 + b): tissue does not stiffen unless its frames say
@@ -326,25 +348,22 @@ class RereadEye:
         )
 
 
-# with their known forces, N
-SeenFrames = Sequence[tuple[Boundaries | PlanesFit, float]]
 Again = tuple[list[KnownForce | None], list[KnownForce], StiffnessEstimate]
 
 
 def reread_eye(
     setup: Setup,
-    frames: SeenFrames,
+    frames: Sequence[ForceFrame],
     earlier: Sequence[KnownForce],
     library: Library,
     study: Study,
-    rests_pa: Sequence[float] | None = None,
 ) -> RereadEye:
-    """Return the setup after its frames are read again, at their own resting
-    pressures if the globe leaks.
+    """Return the setup after its frames are read again; its E and globe are the prior,
+    with those of `earlier` frames.
     """
 
     def read_with(now: Setup) -> Again:
-        again = read_again(frames, now, library, study, rests_pa)
+        again = read_again(frames, now, library, study)
         read = [*earlier, *(frame for frame in again if frame is not None)]
         return again, read, regression(read, setup, place_of(now))
 
@@ -371,18 +390,62 @@ def reread_eye(
     )
 
 
-def read_again(
-    frames: SeenFrames,
+def eye_of_forces(
     setup: Setup,
+    frames: Sequence[ForceFrame],
     library: Library,
     study: Study,
-    rests_pa: Sequence[float] | None = None,
+    most: int | None = None,
+) -> TissueTrial[tuple[Setup, tuple[ForceFrame, ...]]] | None:
+    """Return what frames of known force tell of an eye with the walls of one tissue,
+    and the frames that were used; None if none can be.
+
+    Args:
+        setup: what is stated of the eye, and its globe.
+        frames: in the order in which they are taken.
+        library: of the tissue.
+        study: the prior of E, and ranges of what is not stated.
+        most: number of frames that are used; None: all.
+    """
+    stated = with_prior(setup, study)
+    others = of_other_eyes(stated)
+    near = library.nearest_contact(setup.needle.polar_rad)
+    taken = list[ForceFrame]()
+    fits = list[BoundaryFit]()
+    refused = 0
+
+    for frame in frames:
+        if len(taken) == most:
+            break
+        fit = first_fit(frame.shown, others, near, study)
+        if fit is None:
+            refused += 1
+        else:
+            taken.append(frame)
+            fits.append(fit)
+
+    if not taken:
+        return None
+
+    started = start_eye(stated, taken, fits, near, study, {})
+    used = tuple(taken)
+    if started.status != "ok":
+        without = replace(stated, eye=replace(stated.eye, modulus=None))
+        return TissueTrial.diverged((without, used), refused)
+
+    after = reread_eye(started.setup, taken, (), library, study)
+    return after.trial((after.setup, used), refused)
+
+
+def read_again(
+    frames: Sequence[ForceFrame], setup: Setup, library: Library, study: Study
 ) -> list[KnownForce | None]:
     """Return the readings of an eye's frames without their forces, each None if the
     frame cannot be read.
 
-    E and k, which the frames share, are taken for certain: they do not scatter between
-    them. The planes of a moment are read together, and are one reading.
+    Each is read at its own resting pressure, if the globe leaks. E and k, which the
+    frames share, are taken for certain: they do not scatter between them. The planes of
+    a moment are read together, and are one reading.
     """
     near = library.nearest_contact(setup.needle.polar_rad)
     modulus, globe = own_modulus_and_globe(setup)
@@ -393,16 +456,14 @@ def read_again(
         certain.append(_certain(setup, 0.0, rigidity_step))
 
     found = list[KnownForce | None]()
-    rests = [setup.eye.iop_pa] * len(frames) if rests_pa is None else rests_pa
 
-    for (seen, force_n), rest_pa in zip(frames, rests, strict=True):
-        eyes = [
-            replace(each, eye=replace(each.eye, iop_pa=rest_pa)) for each in certain
-        ]
+    for frame in frames:
+        iop_pa = setup.eye.iop_pa if frame.iop_pa is None else frame.iop_pa
+        eyes = [replace(each, eye=replace(each.eye, iop_pa=iop_pa)) for each in certain]
         fits = (
-            _fits_of_planes(near, seen, eyes, study)
-            if isinstance(seen, PlanesFit)
-            else _fits(near, seen, eyes, study, force_n)
+            _fits(near, frame, eyes, study)
+            if frame.planes is None
+            else _fits_of_planes(near, frame.planes, eyes, study)
         )
 
         beside = list(filter(_read, fits))
@@ -415,7 +476,7 @@ def read_again(
         slopes = [log(each.force_n / here.force_n) for each in (stiffer, *rigid)]
         found.append(
             KnownForce(
-                force_n=force_n,
+                force_n=frame.force_n,
                 library_n=here.force_n,
                 sd_n=0.5 * (high_n - low_n) / NINETY_PERCENT,
                 modulus_pa=modulus.mean_pa,
@@ -430,16 +491,16 @@ def read_again(
 
 
 def _fits(
-    near: Library, seen: Boundaries, eyes: Sequence[Setup], study: Study, force_n: float
+    near: Library, frame: ForceFrame, eyes: Sequence[Setup], study: Study
 ) -> list[BoundaryFit | None]:
     """Return the fits of a frame with each of the setups; none if the first one
     cannot be read.
     """
     priors = [prior_of(eye, study.reader, study.eye.radius_m) for eye in eyes]
     smoothing_m = study.calibration.surface_smoothing_m
-    at = near, seen.lateral_m, seen.depth_m
+    at = near, frame.wall.lateral_m, frame.wall.depth_m
 
-    fit = fit_boundaries(*at, priors[0], smoothing_m, force_n)
+    fit = fit_boundaries(*at, priors[0], smoothing_m, frame.force_n)
     if not _read(fit):
         return []
 

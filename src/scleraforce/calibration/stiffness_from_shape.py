@@ -25,13 +25,7 @@ from scleraforce.calibration.seen_frames import (
     frame_order,
 )
 from scleraforce.fit import unknowns
-from scleraforce.fit.frames_of_an_eye import (
-    OWN,
-    THICKNESS,
-    JointFit,
-    ShownFrame,
-    fit_jointly,
-)
+from scleraforce.fit.frames_of_an_eye import JointFit, ShownFrame, fit_shape
 from scleraforce.fit.one_frame import NO_WALL_M, fit_boundaries
 from scleraforce.fit.prior_of_an_eye import KNOWN_SD, prior_of
 from scleraforce.library import Library
@@ -87,7 +81,7 @@ class EyePosterior:
         return (
             self.setup.eye.thickness_m
             if self.fit is None
-            else float(self.fit.shared[THICKNESS])
+            else self.fit.moments(unknowns.THICKNESS)[0]
         )
 
     @property
@@ -119,15 +113,12 @@ class EyePosterior:
         """
         assert self.fit is not None
         modulus = self.modulus
-        thickness_m = float(self.fit.shared[THICKNESS])
+        thickness_m, thickness_sd_m = self.fit.moments(unknowns.THICKNESS)
         return EyeCalibration(
             id=eye,
             names=(PARAMETERS["e"], PARAMETERS["thickness"]),
             means=(modulus.mean_pa, thickness_m),
-            sds=(
-                modulus.sd_pa,
-                float(np.sqrt(self.fit.covariance[THICKNESS, THICKNESS])),
-            ),
+            sds=(modulus.sd_pa, thickness_sd_m),
             bounds_n=self.study.classes.bounds_n,
             stated_thickness_m=thickness_m,
             globe=self.setup.eye.globe or UNKNOWN,
@@ -137,6 +128,14 @@ class EyePosterior:
             stiffening=self.library.stiffening,
             relaxation=self.setup.eye.relaxation,
         )
+
+    @property
+    def _with_iop_sd(self) -> Setup:
+        """The setup with the uncertainty of its pressure, if that is not stated."""
+        eye = self.setup.eye
+        if eye.iop_pa is None or eye.iop_sd_pa is not None:
+            return self.setup
+        return replace(self.setup, eye=replace(eye, iop_sd_pa=self.iop_sd * eye.iop_pa))
 
     def with_frames(self, frames: Sequence[ShownFrame]) -> "EyePosterior":
         """Return the posterior after more frames; a frame that no wall of the library
@@ -149,7 +148,7 @@ class EyePosterior:
         )
         begun = replace(self.setup, eye=replace(self.setup.eye, modulus=modulus))
         shown = list(self.frames)
-        own = [] if self.fit is None else list(self.fit.own)
+        found = [] if self.fit is None else list(self.fit.unknown_fn)
 
         for frame in frames:
             gap_m = self.setup.needle.gap_m if frame.gap_m is None else frame.gap_m
@@ -169,20 +168,25 @@ class EyePosterior:
             )
             if fit is not None and fit.misfit_m <= NO_WALL_M:
                 shown.append(frame)
-                own.append(fit.unknown[OWN])
+                found.append(fit.unknown)
 
         if len(shown) == len(self.frames):
             return self
 
         kept = _spread(
-            [one[0] for one in own], [frame.force_n is not None for frame in shown]
+            [unknown[unknowns.TIP] for unknown in found],
+            [frame.force_n is not None for frame in shown],
         )
         shown = [shown[place] for place in kept]
-        own = [own[place] for place in kept]
-        begin = None if self.fit is None else self.fit.shared
-        of_eye = library, shown, self.setup, self.study.reader, smoothing_m
-
-        joint = fit_jointly(*of_eye, np.array(own), begin, self.iop_sd)
+        joint = fit_shape(
+            library,
+            shown,
+            self._with_iop_sd,
+            self.study.reader,
+            smoothing_m,
+            np.array([found[place] for place in kept]),
+            None if self.fit is None else self.fit.shared,
+        )
 
         return replace(self, frames=tuple(shown), fit=joint)
 
@@ -398,7 +402,8 @@ def _remarks(after: EyePosterior, prior: Modulus) -> tuple[Remark, ...]:
     if after.modulus.relative_sd < TELLS_LITTLE * prior.relative_sd:
         return (of_shape,)
 
-    deepest_mm = from_si(float(after.fit.own[:, 0].max()) if after.fit else 0.0, "mm")
+    tips_m = after.fit.unknown_fn[:, unknowns.TIP] if after.fit else np.zeros(1)
+    deepest_mm = from_si(float(tips_m.max()), "mm")
     words = (
         f"dents of up to {deepest_mm:.1f} mm tell little: E is mostly its prior;"
         " push deeper, or measure a force"

@@ -19,6 +19,7 @@ from scleraforce.calibration.holds_of_a_log import (
 )
 from scleraforce.calibration.relaxation_from_holds import hold_log
 from scleraforce.calibration.seen_frames import EyeFrames
+from scleraforce.calibration.start_of_an_eye import ForceFrame
 from scleraforce.calibration.stiffness_from_forces import KnownForce, read_again
 from scleraforce.library import Library
 from scleraforce.records.eye import Modulus
@@ -86,7 +87,7 @@ def _read(
     """
     trials, forces, _, _ = frames.labelled()
     asked = list[int]()
-    walls = []
+    held = list[ForceFrame]()
 
     for index in indices:
         force_n = float(forces.force_n[index])
@@ -97,7 +98,7 @@ def _read(
         )
         if seen is not None and not isinstance(seen.wall, SkippedFrame):
             asked.append(index)
-            walls.append((seen.planes or seen.wall, force_n))
+            held.append(seen.with_force(force_n, None))
 
     known = replace(
         frames.recording.info.setup,
@@ -109,7 +110,7 @@ def _read(
         ),
     )
     of_tissue = library.for_stiffening(eye.stiffening)
-    again = read_again(walls, known, of_tissue, study)
+    again = read_again(held, known, of_tissue, study)
     return {
         index: one for index, one in zip(asked, again, strict=True) if one is not None
     }

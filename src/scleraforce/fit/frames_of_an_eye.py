@@ -1,74 +1,81 @@
-"""The stiffness of an eye from its shape: one fit of the library's walls to all its
-frames, whatever their forces.
+"""One wall of the library for all frames of an eye: the stiffness of an eye from the
+shape of its dents, from known forces, or both.
 
-How a dent spreads depends on the pressure over E. The frames share E, IOP, thickness,
-gap, size, inner offset, form and pole; each has its own dent, pose, reflection and
-pressure. The normal matrix is a block arrow: each frame's own block is eliminated
-(Schur's complement), the frames' information on the shared block adds up, and the prior
-counts once.
+How a dent spreads depends on the pressure over E, and how deep it is on the force over
+E. Each frame has its own dent, pose, reflection and pressure; the eye's unknowns are
+shared. The frames' normal equations add up, and the prior counts once.
 
-Walls that are not even bend otherwise than the library's, alike in all frames of a
-contact. That discrepancy is a Gaussian process along the section and over the depth of
-the dent (Kennedy and O'Hagan, J. R. Stat. Soc. B 63, 2001), an unknown of the same fit:
-more frames do not make sure what none of them tells. Its sizes have the largest
-marginal likelihood; they are at least as large as even walls in three dimensions need.
+From shape (`fit_shape`) all frames share E, IOP, thickness, gap, size, inner offset,
+form and pole. Walls that are not even bend otherwise than the library's, alike in all
+frames of a contact. That discrepancy is a Gaussian process along the section and over
+the depth of the dent (Kennedy and O'Hagan, J. R. Stat. Soc. B 63, 2001), an unknown of
+the same fit: more frames do not make sure what none of them tells. Its sizes have the
+largest marginal likelihood; they are at least as large as even walls in three
+dimensions need.
+
+From forces (`fit_forces`) the frames share E, the rigidity of the globe, and what is
+sought beside them. All else is each frame's own, as it is when a reader reads it: that
+E makes up for what is declared wrongly.
 
 Beside the pictures, a frame may have the needle's travel (dent + force x the bed's
 compliance + a shift, both unknown), a pressure of its own (a known change of the IOP),
-or a known force.
+or a known force, which is off the library's by a level and a growth with the force that
+all frames share (`records.eye.ForceDiscrepancy`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from itertools import product
 from math import log
-from typing import NamedTuple
 
 import numpy as np
 
-from scleraforce.base.arrays import Floats
+from scleraforce.base.arrays import Floats, Places
 from scleraforce.base.normal_distribution import robust_spread
 from scleraforce.fit import unknowns
 from scleraforce.fit.compiled_fit import COLUMNS, CORRELATED_M, INNER_SD_M, OUTER_SD_M
 from scleraforce.fit.compiled_search import HEAVY_CAUCHY, HIGHEST_POLE, MOVING
-from scleraforce.fit.least_squares import UNSEEN_LOSS, cauchy_loss, cauchy_weight
+from scleraforce.fit.curve_placement import PlacedCurves, PlacesOnFrame
+from scleraforce.fit.least_squares import (
+    NormalEquations,
+    StoppingRule,
+    WallColumns,
+    cauchy_loss,
+    cauchy_weight,
+    covariance_of,
+    damped_step,
+    gauss_newton,
+)
 from scleraforce.fit.one_frame import law_of, library_walls
-from scleraforce.fit.prior_of_an_eye import HEAVY, KNOWN_SD, prior_of
+from scleraforce.fit.prior_of_an_eye import HEAVY, prior_of
 from scleraforce.fit.shown_wall import LEAST_SD, WallDepths, predict_depths
 from scleraforce.library.wall_responses import Library
+from scleraforce.records.eye import GROWTH_SCALE, LEVEL_SCALE, beside_middle
 from scleraforce.records.setup import Setup
 from scleraforce.records.study import ReaderStudy
 
-OWN = np.array(
-    [
-        unknowns.TIP,
-        unknowns.LATERAL,
-        unknowns.DEPTH,
-        unknowns.ROTATION,
-        unknowns.SHINE,
-        unknowns.PRESSURE,
-    ]
+# what a frame has of its own where E is from shape, and what an eye's frames share
+_OWN_SHAPE = (
+    unknowns.TIP,
+    unknowns.LATERAL,
+    unknowns.DEPTH,
+    unknowns.ROTATION,
+    unknowns.SHINE,
+    unknowns.PRESSURE,
 )
-SHARED = np.setdiff1d(np.arange(len(unknowns.NAMES)), OWN)
-# places in the shared vector
-COMPLIANCE, SHIFT, RIGIDITY, WEIGHTS = range(len(SHARED), len(SHARED) + 4)
-MODULUS, THICKNESS, SIZE, IOP = (
-    SHARED.tolist().index(name)
-    for name in (unknowns.MODULUS, unknowns.THICKNESS, unknowns.SIZE, unknowns.IOP)
+_SHARED_SHAPE = tuple(
+    name for name in range(len(unknowns.NAMES)) if name not in _OWN_SHAPE
 )
-_FORM, _POLE = (
-    np.isin(SHARED, np.arange(len(unknowns.NAMES))[place]).nonzero()[0]
-    for place in (unknowns.FORM, unknowns.POLE)
-)
-# Of the logarithm of the bed's compliance, m/N, the travel's shift, m, and the rigidity
-# over the globe's mean.
-EXTRA_MEAN = np.array([log(1 / 60.0), 0.0, 1.0])
-EXTRA_SD = np.array([1.0, 1e-3, 1e-3])
+# Further unknowns of an eye: the logarithm of the bed's compliance, m/N, the travel's
+# shift, m, the rigidity over the globe's mean, and level and growth of its forces.
+COMPLIANCE, SHIFT, RIGIDITY, LEVEL, GROWTH = range(5)
+EXTRA_MEAN = np.array([log(1 / 60.0), 0.0, 1.0, 0.0, 0.0])
+EXTRA_SD = np.array([1.0, 1e-3, 1e-3, LEVEL_SCALE, GROWTH_SCALE])
+LARGEST_DISCREPANCY = 3.0  # of level and growth
 TRAVEL_SD_M = 10e-6  # standard deviation of a travel
 TIP_SD = 0.01  # its share for the library's dent
-# standard deviation of the logarithm of a known force: the level of real walls beside
-# the library's
-FORCE_SD = 0.02
+LEAST_FORCE_SD = 1e-3  # relative, of a known force
 # length left out at either end of a frame's surface, where the segmentation bends it up
 EDGE_M = 0.7e-3
 COARSER = 2  # columns of a single frame's fit for one here
@@ -82,6 +89,7 @@ INNER_SHARE = 0.7
 REFERENCE_M = 2e-3
 WARP_M = 1e-3
 ROUNDING = 1e-4  # of the kernel
+WEIGHTS = 2 * len(KNOTS) * len(KNOT_TIPS_M)  # of the discrepancy
 LEAST_SIZE_M = 0.3e-6  # of a part that differs between depths of dents
 RESTING_SIZES_M = np.array([1e-6, 2e-6, 4e-6, 8e-6, 16e-6])
 GROWING_SIZES_M = np.array([4e-6, 8e-6, 16e-6, 32e-6])
@@ -90,16 +98,20 @@ LEAST_NOISE = 0.8  # of the boundaries over their SDs
 # three dimensions, a half of them uneven, each with and without travel
 # (benchmarks/README.md).
 WIDER = 1.4
-ROUNDS = 30  # of the fit
-SIZED_ROUNDS = (2, 4, 6, 8, 10, 12)  # with sizes sought
-SETTLED = 2e-3  # of the cost
-FIRST_DAMPING = 1e-3
-RETRY_DAMPING = 1e-2
-LEAST_DAMPING = 1e-6
-MOST_DAMPING = 1e6
+STOPPING = StoppingRule(
+    iterations=30, converged_sd=0.02, settled_cost=2e-3, retry_damping=1e-2
+)
+SIZINGS = 6  # of noise and discrepancy at most, each followed by a fit
+SAME_NOISE = 0.01  # relative
 FARTHEST = 8.0  # standard deviations that unknowns may leave their prior by
 EXTRA_STEP = 1e-5
 LEAST_N = 1e-6
+LEAST_PA = 1.0
+# starts of a globe that may be sealed: its rigidity over the mean; the best ones are
+# followed to the end
+START_RATIOS = (0.05, 0.25, 0.6, 1.0, 1.6)
+STARTS = 2
+START_ROUNDS = 3
 # steps for derivatives of force and volume
 STEPS = np.where(np.isin(MOVING, (unknowns.TIP, unknowns.THICKNESS)), 1e-7, 1e-4)
 
@@ -124,33 +136,46 @@ class ShownFrame:
     gap_m: float | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class JointFit:
-    """The fit: `shared` unknowns with their `covariance`, the frames' `own` (frame,
-    unknown), and sizes.
+    """The fit to all frames of an eye.
 
-    The first of `shared` are `NAMES[SHARED]`, then `COMPLIANCE`, `SHIFT` and
-    `RIGIDITY`; the weights of the discrepancy follow. `noise` is that of the boundaries
-    over their SDs, `resting_m` and `growing_m` are sizes of the discrepancy: of any
-    dent, and of one of 2 mm. `cost` is that of boundaries and prior, `forces_n`
+    `names` are the places in `unknowns.NAMES` of the shared unknowns. `shared` begins
+    with them; then follow `COMPLIANCE` to `GROWTH`, then the weights of the
+    discrepancy, if it is sought. `covariance` is theirs. `unknown_fn` (frame, unknown)
+    are the unknowns of each frame in the order of `NAMES`. `noise` is that of the
+    boundaries over their SDs, `resting_m` and `growing_m` are sizes of the discrepancy:
+    of any dent, and of one of 2 mm. `cost` is that of boundaries and prior, `forces_n`
     (frame,) are the frames' forces.
     """
 
+    names: tuple[int, ...]
     shared: Floats
     covariance: Floats
-    own: Floats
+    unknown_fn: Floats
     noise: float
     resting_m: float
     growing_m: float
     cost: float
     forces_n: Floats
 
+    def moments(self, name: int) -> tuple[float, float]:
+        """Return mean and standard deviation of a shared unknown (`unknowns.NAMES`)."""
+        place = self.names.index(name)
+        return float(self.shared[place]), float(np.sqrt(self.covariance[place, place]))
+
     @property
     def log_modulus(self) -> tuple[float, float]:
         """Mean and standard deviation of the logarithm of E in Pa."""
-        return float(self.shared[MODULUS]), float(
-            np.sqrt(self.covariance[MODULUS, MODULUS])
-        )
+        return self.moments(unknowns.MODULUS)
+
+    @property
+    def stiffness(self) -> tuple[Floats, Floats]:
+        """Mean (2,) and covariance (2, 2) of ln E and of the rigidity over the globe's
+        mean.
+        """
+        places = [self.names.index(unknowns.MODULUS), len(self.names) + RIGIDITY]
+        return self.shared[places], self.covariance[np.ix_(places, places)]
 
 
 class _FrameOfEye:
@@ -158,7 +183,9 @@ class _FrameOfEye:
     logarithm and gap beside the eye's.
     """
 
-    def __init__(self, shown: ShownFrame, log_iop: float, gap_m: float) -> None:
+    def __init__(
+        self, shown: ShownFrame, log_iop: float, gap_m: float, smoothing_m: float
+    ) -> None:
         self.shown = shown
         self.log_iop = log_iop
         self.gap_m = gap_m
@@ -171,13 +198,13 @@ class _FrameOfEye:
             > 0
         ] = False
         boundary, column = np.nonzero(seen & inside)
-        self.at_m = lateral_m[column]
-        self.depth_m = shown.depth_bc[boundary, column]
-        self.is_inner = boundary == 1
-        self.outer = int((boundary == 0).sum())
-        self.sd_m = np.where(self.is_inner, INNER_SD_M, OUTER_SD_M)
-        self.as_one = max(
-            1.0, CORRELATED_M / float(np.median(np.diff(self.at_m[: self.outer])))
+        places = PlacesOnFrame(lateral_m[column], boundary, smoothing_m)
+        apart_m = float(np.median(np.diff(places.lateral_m[: places.outer])))
+        self.columns = WallColumns(
+            places,
+            shown.depth_bc[boundary, column],
+            np.where(boundary == 1, INNER_SD_M, OUTER_SD_M),
+            max(1.0, CORRELATED_M / apart_m),
         )
         lines = [np.empty(len(column)) for _ in range(4)]
         flags = np.empty(len(column), dtype=np.bool_)
@@ -191,19 +218,12 @@ class _FrameOfEye:
         )
 
 
-class _Seen(NamedTuple):
-    """A frame beside a wall: its cost, normal matrix and gradient (shared and own), and
-    its columns' residuals.
-    """
-
-    cost: float
-    normal: Floats
-    gradient: Floats
-    off: Floats
-
-
 class _EyeProblem:
-    """The least-squares problem of an eye's frames."""
+    """The least-squares problem of an eye's frames.
+
+    Unknown: the shared ones (`JointFit.shared`), then each frame's own. `noise` and the
+    discrepancy's sizes stay while it is solved; `resize` finds them anew.
+    """
 
     def __init__(
         self,
@@ -212,11 +232,11 @@ class _EyeProblem:
         setup: Setup,
         trained: ReaderStudy,
         smoothing_m: float,
-        iop_sd: float = KNOWN_SD[unknowns.IOP],
+        names: tuple[int, ...],
+        is_discrepancy_sought: bool,
     ) -> None:
         prior = prior_of(setup, trained, library.radius_m)
         self.library = library
-        self.smoothing_m = smoothing_m
         self.law = law_of(prior.globe)
         self.globe = prior.globe
         resting_pa = setup.eye.iop_pa or float(np.exp(prior.mean[unknowns.IOP]))
@@ -230,65 +250,158 @@ class _EyeProblem:
         ]
         logs = [log((shown.iop_pa or resting_pa) / resting_pa) for shown in frames]
         self.frames = [
-            _FrameOfEye(*of_frame)
+            _FrameOfEye(*of_frame, smoothing_m)
             for of_frame in zip(frames, logs, gaps_m, strict=True)
         ]
-        self.own_mean = prior.mean[OWN]
-        self.own_sd = prior.sd[OWN]
+        self.shared_names = names
+        self.own_names = tuple(
+            name for name in range(len(unknowns.NAMES)) if name not in names
+        )
+        self.extras = slice(len(names), len(names) + len(EXTRA_MEAN))
+        weights = np.zeros(WEIGHTS if is_discrepancy_sought else 0)
+        self.weights = slice(self.extras.stop, self.extras.stop + len(weights))
+        shared = np.array(names)
+        own = np.array(self.own_names)
         self.mean = np.concatenate(
             [
-                prior.mean[SHARED],
+                prior.mean[shared],
                 EXTRA_MEAN,
-                np.zeros(2 * len(KNOTS) * len(KNOT_TIPS_M)),
+                weights,
+                np.tile(prior.mean[own], len(frames)),
             ]
         )
-        self.sd = np.concatenate([prior.sd[SHARED], EXTRA_SD])
-        if setup.eye.iop_pa is not None and setup.eye.iop_sd_pa is None:
-            self.sd[IOP] = iop_sd
-
+        self.sd = np.concatenate(
+            [
+                prior.sd[shared],
+                EXTRA_SD,
+                weights + np.inf,  # their precision is that of the sizes
+                np.tile(prior.sd[own], len(frames)),
+            ]
+        )
         if setup.eye.modulus is not None:
             # E has these moments, and its logarithm is normal
             variance = float(np.log1p(setup.eye.modulus.relative_sd**2))
-            self.mean[MODULUS] = log(setup.eye.modulus.mean_pa) - 0.5 * variance
-            self.sd[MODULUS] = np.sqrt(variance)
+            place = names.index(unknowns.MODULUS)
+            self.mean[place] = log(setup.eye.modulus.mean_pa) - 0.5 * variance
+            self.sd[place] = np.sqrt(variance)
 
         if not self.law.is_open:
-            self.sd[RIGIDITY] = prior.globe.sd / prior.globe.mean
+            self.sd[self.extras][RIGIDITY] = prior.globe.sd / prior.globe.mean
 
-        self.is_heavy = np.append(
-            np.isin(SHARED, [*HEAVY, unknowns.THICKNESS]),
-            np.zeros(len(EXTRA_SD), dtype=np.bool_),
-        )
+        heavy = [self.places(name) for name in HEAVY]
+        if unknowns.THICKNESS in names:
+            heavy.append(self.places(unknowns.THICKNESS))
+        if not is_discrepancy_sought:
+            heavy.append(self.extras.start + np.array([LEVEL, GROWTH]))
+        self.heavy = np.concatenate(heavy)
         self.noise = 1.0
-        self.resting_m = float(RESTING_SIZES_M[1])
-        self.growing_m = float(GROWING_SIZES_M[0])
-        self.precision = self.weights_precision()
+        self.precision = np.diag(self.sd**-2.0)
+        self._set_bounds()
+        self.set_sizes(float(RESTING_SIZES_M[1]), float(GROWING_SIZES_M[0]))
 
-    def weights_precision(self) -> Floats:
-        """Return the inverse covariance of the discrepancy's weights: of both
-        boundaries, then of the inner one.
+    def _set_bounds(self) -> None:
+        """Set the bounds of the unknowns (unknown,), for walls that can be cut."""
+        self.low = self.mean - FARTHEST * self.sd
+        self.high = self.mean + FARTHEST * self.sd
+        for number, name in enumerate(range(unknowns.FORM.start, unknowns.FORM.stop)):
+            places = self.places(name)
+            least, most = unknowns.FORM_ENDS[:, number]
+            self.low[places] = np.maximum(self.low[places], least)
+            self.high[places] = np.minimum(self.high[places], most)
+
+        tips = self.places(unknowns.TIP)
+        self.low[tips] = 0.0
+        self.high[tips] = np.inf  # as far as the library reaches, see `inside`
+        self.low[self.extras][LEVEL:] = -LARGEST_DISCREPANCY
+        self.high[self.extras][LEVEL:] = LARGEST_DISCREPANCY
+        if not self.law.is_open:
+            self.low[self.extras][RIGIDITY] = self.globe.lowest / self.globe.mean
+            self.high[self.extras][RIGIDITY] = self.globe.highest / self.globe.mean
+
+    @property
+    def count(self) -> int:
+        """The number of unknowns."""
+        return len(self.mean)
+
+    @property
+    def shared_count(self) -> int:
+        """The number of unknowns that the frames share."""
+        return self.weights.stop
+
+    def places(self, name: int) -> Places:
+        """Return where an unknown (`unknowns.NAMES`) is in the fit's: once if it is
+        shared, else for each frame.
         """
-        along = np.exp(
-            -0.5 * ((KNOTS[:, None] - KNOTS) / ALONG) ** 2
-        ) + ROUNDING * np.eye(len(KNOTS))
-        over = np.exp(-0.5 * ((KNOT_TIPS_M[:, None] - KNOT_TIPS_M) / OVER_M) ** 2)
-        grown = self.growing_m * (KNOT_TIPS_M / REFERENCE_M) ** 2
-        sizes = (
-            self.resting_m**2
-            + np.outer(grown, grown) * over
-            + LEAST_SIZE_M**2 * np.eye(len(grown))
-        )
-        one = np.linalg.inv(np.kron(along, sizes))
+        if name in self.shared_names:
+            return np.array([self.shared_names.index(name)])
 
-        return np.asarray(
-            np.kron(np.diag([1.0, INNER_SHARE**-2]), one), dtype=np.float64
+        first = self.shared_count + self.own_names.index(name)
+        return first + len(self.own_names) * np.arange(len(self.frames))
+
+    def of_frame(self, number: int) -> Places:
+        """Return the places of what a frame shows: the shared unknowns and its own."""
+        own = self.shared_count + len(self.own_names) * number
+        return np.r_[: self.shared_count, own : own + len(self.own_names)]
+
+    def set_sd(self, name: int, sd: float) -> None:
+        """Set the standard deviation of the prior of a shared unknown."""
+        (place,) = self.places(name)
+        self.sd[place] = sd
+        self.precision[place, place] = sd**-2.0
+        self._set_bounds()
+
+    def set_sizes(self, resting_m: float, growing_m: float) -> None:
+        """Give the discrepancy its sizes."""
+        self.resting_m = resting_m
+        self.growing_m = growing_m
+        if self.weights.stop > self.weights.start:
+            precision = _weights_precision(resting_m, growing_m)[0]
+            self.precision[self.weights, self.weights] = precision
+
+    def begun(self, unknown_fn: Floats, shared: Floats | None) -> Floats:
+        """Return the unknowns at fits of single frames (frame, unknown), and at shared
+        ones, by default the prior's.
+        """
+        begun = self.mean[: self.shared_count] if shared is None else shared
+        own = unknown_fn[:, list(self.own_names)]
+        return self.inside(np.concatenate([begun, own.ravel()]))
+
+    def begun_at(self, unknown_fn: Floats, ratio: float) -> Floats:
+        """Return the unknowns at fits of single frames (frame, unknown), whose forces
+        are known, and at a rigidity over the globe's mean.
+
+        E, and the pressure under the needle, are what forces and rigidity then tell.
+        """
+        unknown_fn = unknown_fn.copy()
+        force_n = np.array([frame.shown.force_n for frame in self.frames], np.float64)
+        unknown = self.begun(unknown_fn, None)
+        unknown[self.extras][RIGIDITY] = ratio
+        unknown = self.inside(unknown)
+        law = self.globe.pressure_law(
+            self.globe.mean * float(unknown[self.extras][RIGIDITY])
         )
 
-    def unknown(self, frame: _FrameOfEye, shared: Floats, own: Floats) -> Floats:
+        for _ in range(START_ROUNDS):
+            forces, volumes = self.forces_volumes(unknown_fn)
+            log_ratio = np.log(force_n / np.maximum(forces, LEAST_N))
+            unknown_fn[:, unknowns.MODULUS] += float(np.median(log_ratio))
+            if not self.law.is_open:
+                resting_pa = np.exp(unknown_fn[:, unknowns.IOP])
+                pressed_pa = np.maximum(law.pressure(resting_pa, volumes), LEAST_PA)
+                unknown_fn[:, unknowns.PRESSURE] = np.log(pressed_pa)
+
+        unknown[self.places(unknowns.MODULUS)] = np.median(
+            unknown_fn[:, unknowns.MODULUS]
+        )
+        if unknowns.PRESSURE in self.own_names:
+            unknown[self.places(unknowns.PRESSURE)] = unknown_fn[:, unknowns.PRESSURE]
+        return self.inside(unknown)
+
+    def named(self, frame: _FrameOfEye, unknown: Floats) -> Floats:
         """Return a frame's unknowns in the order of `NAMES`."""
         found = np.empty(len(unknowns.NAMES))
-        found[SHARED] = shared[: len(SHARED)]
-        found[OWN] = own
+        found[list(self.shared_names)] = unknown[: len(self.shared_names)]
+        found[list(self.own_names)] = unknown[self.shared_count :]
         found[unknowns.IOP] += frame.log_iop
         found[unknowns.GAP] += frame.gap_m
         return found
@@ -297,11 +410,12 @@ class _EyeProblem:
         """Return how the weights move the columns (column, weight): linear between
         knots.
         """
-        along = np.arcsinh((frame.at_m - unknown[unknowns.LATERAL]) / WARP_M)
+        places = frame.columns.places
+        along = np.arcsinh((places.lateral_m - unknown[unknowns.LATERAL]) / WARP_M)
         over = np.array([unknown[unknowns.TIP]])
         at_knots = _hats(KNOTS, along)[:, :, None] * _hats(KNOT_TIPS_M, over)
         both = at_knots.reshape(len(along), -1)
-        return np.concatenate([both, both * frame.is_inner[:, None]], axis=1)
+        return np.concatenate([both, both * places.is_inner[:, None]], axis=1)
 
     def forces_volumes(self, unknown_su: Floats) -> tuple[Floats, Floats]:
         """Return forces, N, and displaced volumes, m^3, of states (state, unknown)."""
@@ -314,12 +428,14 @@ class _EyeProblem:
         )
         return forces, size**3 * self.library.displaced_m3(*wall)
 
-    def numbers(self, frame: _FrameOfEye, unknown_su: Floats, extra: Floats) -> Floats:
+    def numbers(
+        self, frame: _FrameOfEye, unknown_su: Floats, extra_se: Floats
+    ) -> Floats:
         """Return how far law, travel and force are off, in standard deviations (state,
-        number); `extra`: (3,).
+        number); `extra_se` (state, 5): of the eye, `COMPLIANCE` to `GROWTH`.
         """
         shown = frame.shown
-        compliance, shift_m, rigidity = extra
+        compliance, shift_m, rigidity, level, growth = extra_se.T
         found = list[Floats]()
         forces, volumes = self.forces_volumes(unknown_su)
         pressure = np.exp(unknown_su[:, self.law.pressure])
@@ -355,163 +471,244 @@ class _EyeProblem:
             )
 
         if shown.force_n is not None:
-            sd = np.hypot(FORCE_SD, shown.force_sd_n / shown.force_n)
-            found.append(
-                (log(shown.force_n) - np.log(np.maximum(forces, LEAST_N))) / sd
-            )
+            sd = max(shown.force_sd_n / shown.force_n, LEAST_FORCE_SD)
+            forces = np.maximum(forces, LEAST_N)
+            off = level + growth * beside_middle(forces)
+            found.append((log(shown.force_n) - np.log(forces) - off) / sd)
 
         return np.stack(found, axis=1) if found else np.empty((len(unknown_su), 0))
 
     def compare_frame(
-        self, frame: _FrameOfEye, shared: Floats, own: Floats, derive: bool = True
-    ) -> _Seen:
-        """Return a frame beside the wall of unknowns; without normal matrix and
-        gradient if they are not asked for.
+        self, frame: _FrameOfEye, unknown: Floats
+    ) -> tuple[NormalEquations, float]:
+        """Return a frame's part of the normal equations at what it shows (shared and
+        own), and of the cost.
         """
-        unknown = self.unknown(frame, shared, own)
+        named = self.named(frame, unknown)
+        columns = frame.columns
         depths = frame.depths
-        extra = shared[COMPLIANCE:WEIGHTS]
+        extra = unknown[self.extras]
         section = np.empty((2, 2 * len(self.library.node_angles()), 2))
-        places = frame.at_m, frame.outer, self.smoothing_m
+        at = columns.places
+        places = at.lateral_m, at.outer, at.smoothing_m
         about = self.about[0] + frame.gap_m, self.about[1]
         predict_depths(
-            self.library.tables, self.law, places, *about, unknown, depths, section
+            self.library.tables, self.law, places, *about, named, depths, section
         )
-        basis = self.basis(frame, unknown)
-        unit_m = frame.sd_m * np.sqrt(1.0 + depths.slope**2)
-        off = (frame.depth_m - depths.depth_m - basis @ shared[WEIGHTS:]) / unit_m
-        lost = np.where(depths.seen, cauchy_loss(off), UNSEEN_LOSS).sum()
-        away = (own - self.own_mean) / self.own_sd
-        numbers = self.numbers(frame, unknown[None], extra)[0]
-        share = 1.0 / (frame.as_one * self.noise**2)
-        cost = float(share * lost + away @ away + numbers @ numbers)
-
-        if not derive:
-            return _Seen(cost, np.empty(0), np.empty(0), off)
-
-        unused = np.zeros((len(off), len(EXTRA_SD)))
+        weights = unknown[self.weights]
+        basis = (
+            self.basis(frame, named)
+            if len(weights)
+            else np.empty((len(at.lateral_m), 0))
+        )
         rows = np.concatenate(
-            [depths.jacobian[:, SHARED], unused, basis, depths.jacobian[:, OWN]], axis=1
+            [
+                depths.jacobian[:, list(self.shared_names)],
+                np.zeros((len(basis), len(extra))),
+                basis,
+                depths.jacobian[:, list(self.own_names)],
+            ],
+            axis=1,
         )
-        weight = np.where(depths.seen, share * cauchy_weight(off), 0.0)
-        rows /= unit_m[:, None]
-        by_numbers = self._by_numbers(frame, unknown, extra, numbers, rows.shape[1])
-        normal = rows.T @ (weight[:, None] * rows) + by_numbers.T @ by_numbers
-        gradient = rows.T @ (weight * off) + by_numbers.T @ numbers
-        normal[len(shared) :, len(shared) :] += np.diag(self.own_sd**-2.0)
-        gradient[len(shared) :] -= away / self.own_sd
+        placed = PlacedCurves(
+            depths.depth_m + basis @ weights, depths.slope, rows, depths.seen
+        )
+        normal, gradient = columns.normal_equations(placed, self.noise)
+        numbers, by_numbers = self._numbers_and_slopes(frame, named, extra)
+        misfit = robust_spread(np.abs(columns.residual(placed)))
+        cost = columns.loss(placed) / self.noise**2 + float(numbers @ numbers)
 
-        return _Seen(cost, normal, gradient, off)
-
-    def _by_numbers(
-        self,
-        frame: _FrameOfEye,
-        unknown: Floats,
-        extra: Floats,
-        numbers: Floats,
-        count: int,
-    ) -> Floats:
-        """Return the derivatives of the predicted numbers (number, shared and own)."""
-        found = np.zeros((len(numbers), count))
-        moving = list(MOVING)
-
-        if len(numbers):
-            by_unknown = np.zeros((len(numbers), len(unknown)))
-            varied = np.tile(unknown, (len(moving), 1))
-            varied[np.arange(len(moving)), moving] += STEPS
-            by_unknown[:, moving] = (
-                numbers - self.numbers(frame, varied, extra)
-            ).T / STEPS
-            found[:, : len(SHARED)] = by_unknown[:, SHARED]
-            found[:, -len(OWN) :] = by_unknown[:, OWN]
-
-            for place, one in enumerate(np.eye(len(extra)) * EXTRA_STEP):
-                moved = self.numbers(frame, unknown[None], extra + one)[0]
-                found[:, COMPLIANCE + place] = (numbers - moved) / EXTRA_STEP
-
-        return found
-
-    def prior(self, shared: Floats) -> tuple[float, Floats, Floats]:
-        """Return the cost of leaving the prior, with its normal matrix and gradient."""
-        away = (shared[:WEIGHTS] - self.mean[:WEIGHTS]) / self.sd
-        bent = 1.0 + (away / HEAVY_CAUCHY) ** 2
-        lost = np.where(self.is_heavy, HEAVY_CAUCHY**2 * np.log(bent), away**2)
-        precision = np.where(self.is_heavy, 1.0 / bent, 1.0) / self.sd**2
-        weights = shared[WEIGHTS:]
-        normal = np.zeros((len(shared), len(shared)))
-        normal[:WEIGHTS, :WEIGHTS] = np.diag(precision)
-        normal[WEIGHTS:, WEIGHTS:] = self.precision
-        gradient = -np.concatenate(
-            [precision * away * self.sd, self.precision @ weights]
+        return (
+            NormalEquations(
+                normal + by_numbers.T @ by_numbers,
+                gradient + by_numbers.T @ numbers,
+                (misfit,),
+            ),
+            cost,
         )
 
-        return float(lost.sum() + weights @ self.precision @ weights), normal, gradient
-
-    def total(self, shared: Floats, own: Floats) -> float:
-        """Return the cost of all frames and of leaving the prior."""
-        each = zip(self.frames, own, strict=True)
-        return self.prior(shared)[0] + sum(
-            self.compare_frame(frame, shared, one, derive=False).cost
-            for frame, one in each
-        )
-
-    def inside(self, shared: Floats, own: Floats) -> tuple[Floats, Floats]:
-        """Return unknowns within the ranges where walls can be cut."""
-        shared = shared.copy()
-        own = own.copy()
-        away = FARTHEST * self.sd
-        shared[:WEIGHTS] = np.clip(
-            shared[:WEIGHTS], self.mean[:WEIGHTS] - away, self.mean[:WEIGHTS] + away
-        )
-        shared[_FORM] = np.clip(shared[_FORM], *unknowns.FORM_ENDS)
-        shared[_POLE] *= HIGHEST_POLE / max(
-            float(np.hypot(*shared[_POLE])), HIGHEST_POLE
-        )
-        low = self.own_mean - FARTHEST * self.own_sd
-        high = self.own_mean + FARTHEST * self.own_sd
-        low[0] = 0.0
-        high[0] = self.library.tip_m[-1] * np.exp(shared[SIZE])
-
-        return shared, np.clip(own, low, high)
-
-    def size(self, shared: Floats, seen: Sequence[_Seen]) -> None:
-        """Find the noise by the columns' misfit, and the discrepancy's sizes by the
-        marginal likelihood (Laplace's).
+    def _numbers_and_slopes(
+        self, frame: _FrameOfEye, named: Floats, extra: Floats
+    ) -> tuple[Floats, Floats]:
+        """Return a frame's numbers, and the derivatives of what is predicted of them
+        (number, shared and own).
         """
-        misfits = [robust_spread(np.abs(one.off)) for one in seen]
-        self.noise = max(LEAST_NOISE, float(np.median(misfits)))
-        normal, gradient = _eliminated(seen, len(shared), 0.0)[:2]
-        _, own_normal, own_gradient = self.prior(shared)
-        own_normal[WEIGHTS:, WEIGHTS:] = 0.0
-        own_gradient[WEIGHTS:] = 0.0
-        normal = normal + own_normal
-        gradient = gradient + own_gradient
-        weights = shared[WEIGHTS:]
-        best = np.inf
-        chosen = self.resting_m, self.growing_m, self.precision
+        moving = list(MOVING)
+        extras = np.arange(len(extra))
+        first = 1 + len(moving)
+        states_su = np.tile(named, (first + len(extra), 1))
+        states_su[1 + np.arange(len(moving)), moving] += STEPS
+        extra_se = np.tile(extra, (len(states_su), 1))
+        extra_se[first + extras, extras] += EXTRA_STEP
+        here, *varied = self.numbers(frame, states_su, extra_se)
+        slopes_n = (here - np.array(varied)).T
+        by_name = np.zeros((len(here), len(named)))
+        by_name[:, moving] = slopes_n[:, : len(moving)] / STEPS
+        slopes = [
+            by_name[:, list(self.shared_names)],
+            slopes_n[:, len(moving) :] / EXTRA_STEP,
+            np.zeros((len(here), self.weights.stop - self.weights.start)),
+            by_name[:, list(self.own_names)],
+        ]
 
-        for self.resting_m, self.growing_m in product(
-            RESTING_SIZES_M.tolist(), GROWING_SIZES_M.tolist()
-        ):
-            self.precision = precision = self.weights_precision()
-            with_weights = normal.copy()
-            pull = gradient.copy()
-            with_weights[WEIGHTS:, WEIGHTS:] += precision
-            pull[WEIGHTS:] -= precision @ weights
-            lower = np.linalg.cholesky(with_weights)
-            gained = np.linalg.solve(lower, pull)
-            loss = (
+        return here, np.concatenate(slopes, axis=1)
+
+    def prior(self, unknown: Floats) -> tuple[NormalEquations, float]:
+        """Return the prior's part of the normal equations, and the cost of leaving
+        it.
+        """
+        away = unknown - self.mean
+        off = away[self.heavy] / self.sd[self.heavy]
+        normal = self.precision.copy()
+        normal[self.heavy, self.heavy] *= cauchy_weight(off, HEAVY_CAUCHY)
+        gradient = -normal @ away
+        away[self.heavy] = 0.0
+        cost = cauchy_loss(off, HEAVY_CAUCHY).sum() + away @ self.precision @ away
+
+        return NormalEquations(normal, gradient, ()), float(cost)
+
+    def evaluate(self, unknown: Floats) -> tuple[NormalEquations, float]:
+        """Return the normal equations of all frames with the prior, and the cost."""
+        prior, cost = self.prior(unknown)
+        misfits = list[float]()
+
+        for number, frame in enumerate(self.frames):
+            places = self.of_frame(number)
+            of_frame, frame_cost = self.compare_frame(frame, unknown[places])
+            prior.normal[np.ix_(places, places)] += of_frame.normal
+            prior.gradient[places] += of_frame.gradient
+            misfits += of_frame.misfits
+            cost += frame_cost
+
+        return NormalEquations(prior.normal, prior.gradient, tuple(misfits)), cost
+
+    def normal_equations(
+        self,
+        unknown: Floats,  # noqa: ARG002 - the protocol's
+        placed: NormalEquations,
+    ) -> tuple[Floats, Floats]:
+        """Return the normal matrix and the gradient."""
+        return placed.normal, placed.gradient
+
+    def inside(self, unknown: Floats) -> Floats:
+        """Return unknowns within the ranges where walls can be cut."""
+        unknown = np.clip(unknown, self.low, self.high)
+        along, across = (
+            self.places(name) for name in range(unknowns.POLE.start, unknowns.POLE.stop)
+        )
+        sine = np.hypot(unknown[along], unknown[across])
+        nearer = HIGHEST_POLE / np.maximum(sine, HIGHEST_POLE)
+        unknown[along] *= nearer
+        unknown[across] *= nearer
+        farthest_m = self.library.tip_m[-1] * np.exp(
+            unknown[self.places(unknowns.SIZE)]
+        )
+        tips = self.places(unknowns.TIP)
+        unknown[tips] = np.minimum(unknown[tips], farthest_m)
+        return unknown
+
+    def resize(self, unknown: Floats, terms: NormalEquations) -> bool:
+        """Find the noise by the columns' misfit, and the discrepancy's sizes by the
+        marginal likelihood (Laplace's); return whether they are other ones.
+        """
+        noise = max(LEAST_NOISE, float(np.median(terms.misfits)))
+        at = self.weights
+        weights = unknown[at]
+        # what all but the prior says of the weights, whatever the other unknowns are
+        left = self.eliminated(terms)
+        covariance = covariance_of(left.normal)
+        information = np.linalg.inv(covariance[at, at])
+        pull = information @ (covariance @ left.gradient)[at]
+        precision = self.precision[at, at]
+        information -= precision
+        pull += precision @ weights
+        losses = dict[tuple[float, float], float]()
+
+        for sizes in product(RESTING_SIZES_M.tolist(), GROWING_SIZES_M.tolist()):
+            precision, log_determinant = _weights_precision(*sizes)
+            lower = np.linalg.cholesky(information + precision)
+            gained = np.linalg.solve(lower, pull - precision @ weights)
+            losses[sizes] = (
                 weights @ precision @ weights
                 - gained @ gained
                 + 2.0 * np.log(np.diag(lower)).sum()
+                - log_determinant
             )
 
-            loss -= np.linalg.slogdet(precision)[1]
-            if loss < best:
-                best = loss
-                chosen = (self.resting_m, self.growing_m, precision)
+        sizes = min(losses, key=losses.__getitem__)
+        is_same_noise = abs(noise / self.noise - 1.0) < SAME_NOISE
+        if is_same_noise and sizes == (self.resting_m, self.growing_m):
+            return False
 
-        self.resting_m, self.growing_m, self.precision = chosen
+        self.noise = noise
+        self.set_sizes(*sizes)
+        return True
+
+    def arrow_step(self, normal: Floats, gradient: Floats, damping: float) -> Floats:
+        """Return the step of normal equations, whose matrix is a block arrow: the
+        frames' own unknowns are damped and eliminated, then the shared ones are damped
+        by what is left of their diagonal.
+
+        Damped by the whole diagonal they creep: what a frame says of E, its own dent
+        and pressure say nearly as well.
+        """
+        left, follow = self._eliminate(normal, gradient, damping)
+        shared = damped_step(left.normal, left.gradient, damping)
+        own = follow[..., -1] - follow[..., :-1] @ shared
+        return np.concatenate([shared, own.ravel()])
+
+    def eliminated(self, terms: NormalEquations) -> NormalEquations:
+        """Return the normal equations of the shared unknowns, whatever each frame's own
+        ones are.
+        """
+        return self._eliminate(terms.normal, terms.gradient, 0.0)[0]
+
+    def _eliminate(
+        self, normal: Floats, gradient: Floats, damping: float
+    ) -> tuple[NormalEquations, Floats]:
+        """Eliminate the frames' own unknowns, damped (Schur's complement).
+
+        Return what is left of the shared ones, and how the own ones (frame, own, shared
+        and gradient) follow them.
+        """
+        shared = self.shared_count
+        size = (len(self.frames), len(self.own_names))
+        across = normal[shared:, :shared].reshape(*size, shared)
+        blocks = normal[shared:, shared:].reshape(*size, *size)
+        frame = np.arange(size[0])
+        own = blocks[frame, :, frame]
+        sd = 1.0 / np.sqrt(np.diagonal(own, axis1=1, axis2=2))
+        scaled = own * sd[:, :, None] * sd[:, None] + damping * np.eye(size[1])
+        right = np.concatenate([across, gradient[shared:].reshape(*size, 1)], axis=2)
+        follow = sd[..., None] * np.linalg.solve(scaled, sd[..., None] * right)
+        taken = np.einsum("fos,fok->sk", across, follow)
+        left = NormalEquations(
+            normal[:shared, :shared] - taken[:, :-1],
+            gradient[:shared] - taken[:, -1],
+            (),
+        )
+        return left, follow
+
+
+@cache
+def _weights_precision(resting_m: float, growing_m: float) -> tuple[Floats, float]:
+    """Return the inverse covariance of the discrepancy's weights, of both boundaries,
+    then of the inner one; and the logarithm of its determinant.
+    """
+    along = np.exp(-0.5 * ((KNOTS[:, None] - KNOTS) / ALONG) ** 2) + ROUNDING * np.eye(
+        len(KNOTS)
+    )
+    over = np.exp(-0.5 * ((KNOT_TIPS_M[:, None] - KNOT_TIPS_M) / OVER_M) ** 2)
+    grown = growing_m * (KNOT_TIPS_M / REFERENCE_M) ** 2
+    sizes = (
+        resting_m**2
+        + np.outer(grown, grown) * over
+        + LEAST_SIZE_M**2 * np.eye(len(grown))
+    )
+    one = np.kron(np.linalg.inv(along), np.linalg.inv(sizes))
+    precision = np.asarray(np.kron(np.diag([1.0, INNER_SHARE**-2]), one), np.float64)
+
+    return precision, float(np.linalg.slogdet(precision)[1])
 
 
 def _hats(knots: Floats, values: Floats) -> Floats:
@@ -521,114 +718,96 @@ def _hats(knots: Floats, values: Floats) -> Floats:
     )
 
 
-def _eliminated(
-    seen: Sequence[_Seen], shared: int, damping: float
-) -> tuple[Floats, Floats, list[Floats]]:
-    """Return the frames' normal matrix and gradient of the shared unknowns, and how
-    each frame's own ones follow.
-    """
-    normal = np.zeros((shared, shared))
-    gradient = np.zeros(shared)
-    follow = list[Floats]()
-
-    for one in seen:
-        own = one.normal[shared:, shared:] + damping * np.diag(
-            np.diag(one.normal)[shared:]
-        )
-        right = np.column_stack([one.normal[shared:, :shared], one.gradient[shared:]])
-        follow.append(np.asarray(np.linalg.solve(own, right), dtype=np.float64))
-        normal += (
-            one.normal[:shared, :shared]
-            - one.normal[:shared, shared:] @ follow[-1][:, :shared]
-        )
-        gradient += (
-            one.gradient[:shared] - one.normal[:shared, shared:] @ follow[-1][:, shared]
-        )
-
-    return normal, gradient, follow
+def _joint_fit(
+    problem: _EyeProblem, unknown: Floats, terms: NormalEquations, cost: float
+) -> JointFit:
+    """Return the fit at the unknowns that were found."""
+    named = [
+        problem.named(frame, unknown[problem.of_frame(number)])
+        for number, frame in enumerate(problem.frames)
+    ]
+    return JointFit(
+        names=problem.shared_names,
+        shared=unknown[: problem.shared_count],
+        covariance=covariance_of(problem.eliminated(terms).normal),
+        unknown_fn=np.array(named),
+        noise=problem.noise,
+        resting_m=problem.resting_m,
+        growing_m=problem.growing_m,
+        cost=cost,
+        forces_n=problem.forces_volumes(np.array(named))[0],
+    )
 
 
-def fit_jointly(
+def fit_shape(
     library: Library,
     frames: Sequence[ShownFrame],
     setup: Setup,
     trained: ReaderStudy,
     smoothing_m: float,
-    own: Floats,
+    begun_fn: Floats,
     shared: Floats | None = None,
-    iop_sd: float = KNOWN_SD[unknowns.IOP],
 ) -> JointFit:
-    """Fit the library to all frames of an eye at once, from each frame's unknowns `own`
-    (frame, `OWN`).
+    """Fit the library to all frames of an eye at once, whatever their forces.
 
-    `setup` is the eye, its modulus the prior; `library` that of its contact; `shared`:
-    of an earlier fit, to begin at; `iop_sd`: standard deviation of the logarithm of a
-    known IOP.
+    Args:
+        library: that of the eye's contact.
+        frames: their forces are known or not.
+        setup: the eye, its modulus the prior.
+        trained: ranges of what is not declared.
+        smoothing_m: as in `one_frame.fit_boundaries`.
+        begun_fn: unknowns of fits to the single frames (frame, unknown).
+        shared: of an earlier fit, to begin at.
     """
-    problem = _EyeProblem(library, frames, setup, trained, smoothing_m, iop_sd)
-    shared, own = problem.inside(problem.mean if shared is None else shared, own)
-    damping = FIRST_DAMPING
-    cost = np.inf
+    problem = _EyeProblem(
+        library, frames, setup, trained, smoothing_m, _SHARED_SHAPE, True
+    )
+    unknown = problem.begun(begun_fn, shared)
+    unknown, terms, cost = gauss_newton(problem, unknown, STOPPING, problem.arrow_step)
 
-    for number in range(ROUNDS):
-        seen = [
-            problem.compare_frame(frame, shared, one)
-            for frame, one in zip(problem.frames, own, strict=True)
-        ]
-        if number in SIZED_ROUNDS:
-            problem.size(shared, seen)
-            seen = [
-                problem.compare_frame(frame, shared, one)
-                for frame, one in zip(problem.frames, own, strict=True)
-            ]
-
-        lost, normal, gradient = problem.prior(shared)
-        before = lost + sum(one.cost for one in seen)
-
-        while True:
-            of_frames, pull, follow = _eliminated(seen, len(shared), damping)
-            step = np.linalg.solve(
-                _damped(normal + of_frames, damping), gradient + pull
-            )
-            moves = np.array([one[:, -1] - one[:, :-1] @ step for one in follow])
-            trial = problem.inside(shared + step, own + moves)
-
-            cost = problem.total(*trial)
-            if cost <= before or damping > MOST_DAMPING:
-                break
-
-            damping = max(10.0 * damping, RETRY_DAMPING)
-
-        if cost <= before:
-            shared, own = trial
-            damping = max(damping / 10.0, LEAST_DAMPING)
-
-        if number > max(SIZED_ROUNDS) and before - cost < SETTLED:
+    for _ in range(SIZINGS):
+        if not problem.resize(unknown, terms):
             break
+        unknown, terms, cost = gauss_newton(
+            problem, unknown, STOPPING, problem.arrow_step
+        )
 
-    seen = [
-        problem.compare_frame(frame, shared, one)
-        for frame, one in zip(problem.frames, own, strict=True)
-    ]
-    precision = problem.prior(shared)[1] + _eliminated(seen, len(shared), 0.0)[0]
-    covariance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
+    fit = _joint_fit(problem, unknown, terms, cost)
     # never beyond the prior's
-    wider = min(
-        WIDER, problem.sd[MODULUS] / float(np.sqrt(covariance[MODULUS, MODULUS]))
-    )
-    covariance[MODULUS] *= wider
-    covariance[:, MODULUS] *= wider
-    each = [
-        problem.unknown(frame, shared, one)
-        for frame, one in zip(problem.frames, own, strict=True)
+    place = fit.names.index(unknowns.MODULUS)
+    wider = min(WIDER, problem.sd[place] / fit.log_modulus[1])
+    fit.covariance[place] *= wider
+    fit.covariance[:, place] *= wider
+    return fit
+
+
+def fit_forces(
+    library: Library,
+    frames: Sequence[ShownFrame],
+    setup: Setup,
+    trained: ReaderStudy,
+    smoothing_m: float,
+    begun_fn: Floats,
+    sought: Mapping[int, float],
+    begin: tuple[float, ...] = (),
+) -> JointFit:
+    """Fit the library to frames of known force: E and the rigidity of the globe.
+
+    The first arguments are as in `fit_shape`; all forces are known. `sought` are
+    further unknowns that the frames share, places in `unknowns.NAMES`, with the
+    standard deviations of their priors. `begin` are rigidities over the globe's mean to
+    begin at, by default all over the range of closed eyes.
+    """
+    names = (unknowns.MODULUS, *sought)
+    problem = _EyeProblem(library, frames, setup, trained, smoothing_m, names, False)
+    for name, sd in sought.items():
+        problem.set_sd(name, sd)
+
+    ratios = (1.0,) if problem.law.is_open else begin or START_RATIOS
+    starts = [problem.begun_at(begun_fn, ratio) for ratio in ratios]
+    costs = [problem.evaluate(start)[1] for start in starts]
+    ended = [
+        gauss_newton(problem, starts[number], STOPPING, problem.arrow_step)
+        for number in np.argsort(costs)[:STARTS].tolist()
     ]
-    forces_n, _ = problem.forces_volumes(np.array(each))
-    sizes = problem.noise, problem.resting_m, problem.growing_m
-
-    return JointFit(
-        shared, covariance, own, *sizes, problem.total(shared, own), forces_n
-    )
-
-
-def _damped(normal: Floats, damping: float) -> Floats:
-    return normal + damping * np.diag(np.diag(normal))
+    return _joint_fit(problem, *min(ended, key=lambda each: each[2]))

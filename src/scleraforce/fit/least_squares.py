@@ -8,6 +8,7 @@ wall along (Huber and Ronchetti, Robust Statistics, 2009, sec. 7.8). The damping
 Marquardt's (1963), relative to the diagonal of the normal matrix.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol, TypeVar
 
@@ -86,6 +87,17 @@ class WallColumns:
         return self.sd_m * np.sqrt(1 + placed.slope**2)
 
 
+@dataclass(frozen=True, eq=False)
+class NormalEquations:
+    """Normal matrix (unknown, unknown) and gradient (unknown,) at some unknowns, and
+    the misfit of each frame's columns over their SDs.
+    """
+
+    normal: Floats
+    gradient: Floats
+    misfits: tuple[float, ...]
+
+
 Prediction = TypeVar("Prediction")
 
 
@@ -136,39 +148,6 @@ def judge_step(
     return damping / 10.0, True, is_hardly_damped and gain < stopping.settled_cost
 
 
-def gauss_newton(
-    problem: LeastSquaresProblem[Prediction], start: Floats, stopping: StoppingRule
-) -> tuple[Floats, Prediction, float]:
-    """Return the fitted unknowns, their prediction and their cost."""
-    unknown = start
-    damping = FIRST_DAMPING
-    prediction, cost = problem.evaluate(unknown)
-    normal, gradient = problem.normal_equations(unknown, prediction)
-
-    for _ in range(stopping.iterations):
-        trial = problem.inside(unknown + damped_step(normal, gradient, damping))
-        step = trial - unknown
-        if float(step @ normal @ step) < stopping.converged_sd**2:
-            break
-
-        trial_prediction, trial_cost = problem.evaluate(trial)
-        damping, is_better, has_settled = judge_step(
-            damping, cost - trial_cost, stopping
-        )
-        if not is_better:
-            continue
-
-        unknown = trial
-        prediction = trial_prediction
-        cost = trial_cost
-        if has_settled:
-            break
-
-        normal, gradient = problem.normal_equations(unknown, prediction)
-
-    return unknown, prediction, cost
-
-
 def damped_step(normal: Floats, gradient: Floats, damping: float) -> Floats:
     """Return the step (unknown,) of normal equations that are damped relative to their
     diagonal.
@@ -190,3 +169,41 @@ def _scaled(normal: Floats) -> tuple[Floats, Floats]:
     """
     sd = 1.0 / np.sqrt(np.diag(normal))
     return sd, normal * np.outer(sd, sd)
+
+
+def gauss_newton(
+    problem: LeastSquaresProblem[Prediction],
+    start: Floats,
+    stopping: StoppingRule,
+    find_step: Callable[[Floats, Floats, float], Floats] = damped_step,
+) -> tuple[Floats, Prediction, float]:
+    """Return the fitted unknowns, their prediction and their cost; `find_step` solves
+    normal equations with a damping.
+    """
+    unknown = start
+    damping = FIRST_DAMPING
+    prediction, cost = problem.evaluate(unknown)
+    normal, gradient = problem.normal_equations(unknown, prediction)
+
+    for _ in range(stopping.iterations):
+        trial = problem.inside(unknown + find_step(normal, gradient, damping))
+        step = trial - unknown
+        if float(step @ normal @ step) < stopping.converged_sd**2:
+            break
+
+        trial_prediction, trial_cost = problem.evaluate(trial)
+        damping, is_better, has_settled = judge_step(
+            damping, cost - trial_cost, stopping
+        )
+        if not is_better:
+            continue
+
+        unknown = trial
+        prediction = trial_prediction
+        cost = trial_cost
+        if has_settled:
+            break
+
+        normal, gradient = problem.normal_equations(unknown, prediction)
+
+    return unknown, prediction, cost

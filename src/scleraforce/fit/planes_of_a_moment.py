@@ -23,7 +23,12 @@ from scleraforce.base.arrays import Floats
 from scleraforce.fit import compiled_fit, unknowns
 from scleraforce.fit.compiled_fit import TO_THE_END
 from scleraforce.fit.compiled_search import PriorArrays
-from scleraforce.fit.least_squares import StoppingRule, covariance_of, gauss_newton
+from scleraforce.fit.least_squares import (
+    NormalEquations,
+    StoppingRule,
+    covariance_of,
+    gauss_newton,
+)
 from scleraforce.fit.one_frame import (
     BoundaryFit,
     doubt_of,
@@ -157,17 +162,6 @@ def contact_place(plane: SeenPlane, unknown: Floats) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
-class _Terms:
-    """Normal matrix and gradient of all planes at some unknowns, and the misfit of
-    each.
-    """
-
-    normal: Floats
-    gradient: Floats
-    misfits: tuple[float, ...]
-
-
-@dataclass(frozen=True, eq=False)
 class _PlanesProblem:
     """The least-squares problem of several planes; `maps`: matrix and shift of each
     plane's unknowns and tilt.
@@ -237,7 +231,9 @@ class _PlanesProblem:
         found = matrix @ unknown + shift
         return found[:TILT].copy(), float(found[TILT])
 
-    def terms(self, unknown: Floats, scales: Sequence[float]) -> tuple[_Terms, float]:
+    def terms(
+        self, unknown: Floats, scales: Sequence[float]
+    ) -> tuple[NormalEquations, float]:
         """Return the normal equations and the cost; the columns' SDs of a plane count
         `scales` times.
         """
@@ -266,7 +262,7 @@ class _PlanesProblem:
             gradient[place] -= unknown[place] / sd**2
             cost += float((unknown[place] / sd) ** 2)
 
-        return _Terms(normal, gradient, tuple(misfits)), cost
+        return NormalEquations(normal, gradient, tuple(misfits)), cost
 
     @property
     def _depths(self) -> range:
@@ -301,14 +297,14 @@ class _PlanesProblem:
             fitted,
         )
 
-    def evaluate(self, unknown: Floats) -> tuple[_Terms, float]:
+    def evaluate(self, unknown: Floats) -> tuple[NormalEquations, float]:
         """Return the normal equations and the cost."""
         return self.terms(unknown, [1.0] * len(self.planes))
 
     def normal_equations(
         self,
         unknown: Floats,  # noqa: ARG002 - the protocol's
-        placed: _Terms,
+        placed: NormalEquations,
     ) -> tuple[Floats, Floats]:
         """Return the normal matrix and the gradient."""
         return placed.normal, placed.gradient
@@ -404,7 +400,7 @@ class _PlanesProblem:
         return self.inside(start)
 
     def conclude(
-        self, unknown: Floats, terms: _Terms
+        self, unknown: Floats, terms: NormalEquations
     ) -> tuple[tuple[BoundaryFit, ...], SpatialPlace]:
         """Return the fit with its uncertainty."""
         least = (

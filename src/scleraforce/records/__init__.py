@@ -11,9 +11,10 @@ Public:
         `summary_of`, `write_calibration`
     decoder: `Source`, `decode_record`, `format_record`, `parse_json_record`,
         `parse_record`
-    eye: `Eye`, `FOUND_BY_CALIBRATION`, `ForceDiscrepancy`, `LEAST_MODULUS_SD`,
-        `MODULUS_SOURCES`, `Modulus`, `NO_DISCREPANCY`, `OWN_SOURCES`, `POPULATION_SD`,
-        `REFERENCE_N`, `UNCERTAIN`, `beside_middle`, `open_doubts`
+    eye: `Eye`, `FOUND_BY_CALIBRATION`, `ForceDiscrepancy`, `GROWTH_SCALE`,
+        `LEAST_MODULUS_SD`, `LEVEL_SCALE`, `MODULUS_SOURCES`, `Modulus`,
+        `NO_DISCREPANCY`, `OWN_SOURCES`, `POPULATION_SD`, `REFERENCE_N`, `UNCERTAIN`,
+        `beside_middle`, `open_doubts`
     fields: `NEEDLE_FORCE`, `QUANTITIES`, `Sampled`, `TableForm`, `Unit`,
         `allowed_bounds`, `check_kind`, `check_number`, `check_quantity`, `check_value`,
         `computed`, `declared`, `field_key`, `field_unit`, `fixed`, `formed`,

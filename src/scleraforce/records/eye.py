@@ -112,6 +112,11 @@ def beside_middle(library_n: Floats) -> Floats:
     return np.clip(library_n / REFERENCE_N, 0.0, 1.0) - 0.5
 
 
+# Scales of Cauchy's prior, whose density falls slowly, of level and growth: forces of
+# most eyes are hardly off (uneven ones, computed in three dimensions, drift by 0.035
+# from none to the largest), forces of tissue that stiffens by up to 1.
+LEVEL_SCALE = 0.02
+GROWTH_SCALE = 0.035
 STATED_MODULUS_SD = 0.03  # relative, of a modulus that comes without its uncertainty
 # relative: eyes differ by so much (paper, Table 2), also where a file knows too few to
 # tell

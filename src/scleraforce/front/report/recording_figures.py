@@ -335,13 +335,11 @@ def _draw_over_frames(axes: Axes, eye: EyeCalibration, truth_pa: float | None) -
     frames, reaches beyond it.
     """
     moments = [(frame.mean_pa, frame.sd_pa) for frame in eye.used]
-    if eye.filter is not None:
-        moments.insert(
-            0, (eye.filter.study.prior_mean_pa, eye.filter.study.prior_sd_pa)
-        )
+    if eye.prior is not None:
+        moments.insert(0, (eye.prior.mean_pa, eye.prior.sd_pa))
 
     mean, sd = from_si(np.array(moments).T, "mpa")
-    first = 0 if eye.filter is not None else 1
+    first = 1 if eye.prior is None else 0
     count = np.arange(first, first + len(mean))
     axes.fill_between(
         count,

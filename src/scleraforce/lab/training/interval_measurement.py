@@ -27,24 +27,16 @@ from scleraforce.base.errors import CalibrationError, SolverError
 from scleraforce.base.onnx_network import network_session
 from scleraforce.base.worker_processes import work_in_order
 from scleraforce.calibration import seen_frames
-from scleraforce.calibration.filter.eye_filter import (
-    SkippedFrame,
-    begin,
-    known_after,
-    step,
-)
 from scleraforce.calibration.filter.eye_parameters import (
     WallState,
     stated_wall,
 )
 from scleraforce.calibration.filter.library_sections import LibrarySections, library_eye
-from scleraforce.calibration.filter.section_registration import (
-    PoseBelief,
-    place_section,
-)
+from scleraforce.calibration.filter.section_registration import place_section
+from scleraforce.calibration.start_of_an_eye import ForceFrame
 from scleraforce.calibration.stiffness_from_forces import (
     TissueTrial,
-    reread_eye,
+    eye_of_forces,
     search_stiffening,
 )
 from scleraforce.fit.curve_placement import PlacesOnFrame, curve_depths
@@ -297,47 +289,17 @@ def calibrated(
     else:
         order = sorted(chosen, key=lambda place: float(forces_n[place]))
 
-    poses = dict[Boundaries, PoseBelief]()
+    borne = {
+        place: ForceFrame(wall=frames[place].boundaries, force_n=float(forces_n[place]))
+        for place in order
+        if forces_n[place] > least_n
+    }
 
-    def attempt(of_tissue: Library) -> TissueTrial[tuple[Setup, int]] | None:
-        """Calibrate with the walls of one tissue: the known values, and the number of
-        frames that were used.
-        """
-        try:
-            session = begin(
-                study,
-                eye.stated,
-                of_tissue,
-                zero_covariance=labelled.zero_covariance,
-                poses=poses,
-            )
-        except CalibrationError:
-            return None
-
-        used = 0
-        refused = 0
-
-        for place in order:
-            if session.updates >= wanted:
-                break
-
-            since_start_s = float(labelled.since_start_s[place])
-            session = step(
-                session, frames[place].boundaries, float(forces_n[place]), since_start_s
-            )
-            refused += forces_n[place] > least_n and isinstance(
-                session.last, SkippedFrame
-            )
-            used += 1
-
-        known = known_after(session)
-        borne = [place for place in order[:used] if forces_n[place] > least_n]
-        if known.eye.modulus is None:
-            return TissueTrial.diverged((known, used), refused)
-
-        seen = [(frames[place].boundaries, float(forces_n[place])) for place in borne]
-        after = reread_eye(known, seen, (), of_tissue, study)
-        return after.trial((after.setup, used), refused)
+    def attempt(
+        of_tissue: Library,
+    ) -> TissueTrial[tuple[Setup, tuple[ForceFrame, ...]]] | None:
+        """Calibrate with the walls of one tissue."""
+        return eye_of_forces(eye.stated, list(borne.values()), of_tissue, study, wanted)
 
     found = search_stiffening(library, attempt)
     if found is None:
@@ -346,9 +308,8 @@ def calibrated(
         )
 
     stiffening, (known, used) = found
-    stated_force = {place for place in order[:used] if forces_n[place] > least_n}
     left = tuple(
-        frame for place, frame in enumerate(frames) if place not in stated_force
+        frame for place, frame in enumerate(frames) if borne.get(place) not in used
     )
 
     return replace(known, eye=replace(known.eye, stiffening=stiffening)), left

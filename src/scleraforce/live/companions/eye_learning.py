@@ -251,7 +251,7 @@ def as_calibration(posterior: EyePosterior, eye: str, path: str) -> Calibration:
     )
     frames = tuple(
         at(file=f"dent of {from_si(tip_m, 'mm'):.3f} mm")
-        for tip_m in posterior.fit.own[:, 0].tolist()
+        for tip_m in posterior.fit.unknown_fn[:, TIP].tolist()
     )
     words = (
         "no force was measured: E was learned by a monitor, from the shape of dents"
