@@ -48,12 +48,12 @@ def predict_wall(walls: Walls, unknown: Floats, places: PlacesOnFrame) -> Placed
     form = unknown[unknowns.FORM]
     from_contact_m = places.lateral_m - unknown[unknowns.LATERAL]
     ends = [
-        unknowns.form_depths(form, from_contact_m + step, places.is_inner)
+        form_depths(form, from_contact_m + step, places.is_inner)
         for step in (0.5 * FORM_STEP, -0.5 * FORM_STEP)
     ]
     form_slope = np.subtract(*ends) / FORM_STEP
     shine = (1.0 - places.is_inner) * shining(slope + form_slope)
-    formed = unknowns.form_depths(form, from_contact_m, places.is_inner)
+    formed = form_depths(form, from_contact_m, places.is_inner)
     offset = (
         unknown[unknowns.INNER_OFFSET] * places.is_inner
         + formed
@@ -63,6 +63,18 @@ def predict_wall(walls: Walls, unknown: Floats, places: PlacesOnFrame) -> Placed
     return PlacedCurves(
         depth + offset, slope + form_slope, np.zeros((len(depth), 0)), seen
     )
+
+
+def form_depths(form: Floats, from_contact_m: Floats, is_inner: Floats) -> Floats:
+    """Return the contribution of a form (7,) to depths (place,), m."""
+    depths: Floats = form[6] * from_contact_m * is_inner
+    for side, first in ((-1.0, 0), (1.0, 3)):
+        limbus_m, angle, curvature = form[first : first + 3]
+        beyond = side * from_contact_m - limbus_m
+        ramp = 0.5 * (beyond + np.sqrt(beyond**2 + unknowns.SOFT_M**2))
+        depths = depths + (angle + 0.5 * curvature * ramp) * ramp
+
+    return depths
 
 
 def ring_motion(

@@ -3,8 +3,8 @@
 Nothing of eyes. Imports no other package.
 
 Public:
-    arrays: `Bytes`, `Counts`, `Flags`, `Floats`, `Indices`, `Integers`, `Places`,
-        `Reals`, `Singles`
+    arrays: `Bytes`, `Counts`, `Flags`, `Floats`, `Indices`, `Integers`, `Number`,
+        `Places`, `Reals`, `Singles`
     checked_store: `CheckedStore`, `Layout`, `StoreKind`, `layout`
     compiled_loops: `compiled`, `compiled_in_place`, `compiled_part`
     errors: `CalibrationError`, `DatasetError`, `FrameError`, `InputError`, `LinkError`,

@@ -2,7 +2,7 @@
 shapes, axes and units.
 """
 
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,3 +16,5 @@ Indices = NDArray[np.uintp]  # not negative: Numba need not ask
 Flags = NDArray[np.bool_]
 Counts = NDArray[np.uint16]
 Bytes = NDArray[np.uint8]
+# a formula of numbers and of arrays; Numba compiles it for numbers
+Number = TypeVar("Number", float, Floats)

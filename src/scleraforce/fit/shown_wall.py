@@ -21,9 +21,11 @@ from scleraforce.library.response_splines import (
     undented_at,
     value_of,
 )
-from scleraforce.library.sealed_eye import level_of
+from scleraforce.library.sealed_eye import level_growth, level_of
 
 Vector = tuple[float, float, float]
+
+shining = compiled_in_place(unknowns.shining)
 
 LEAST_NORM = 1e-9
 # places, weights
@@ -557,23 +559,20 @@ def show_wall(
 
     for place in range(len(scene.at_m)):
         is_inner = 0.0 if place < scene.outer else 1.0
-        formed, form_slope = _form(
-            unknown, scene.at_m[place] - unknown[unknowns.LATERAL], is_inner
+        formed, form_slope = unknowns.form_at(
+            unknown[unknowns.FORM],
+            scene.at_m[place] - unknown[unknowns.LATERAL],
+            is_inner,
         )
         depths.slope[place] = depths.even_slope[place] + form_slope
         depths.depth_m[place] = (
             depths.even_m[place] + unknown[unknowns.INNER_OFFSET] * is_inner + formed
         )
         depths.depth_m[place] -= (
-            unknown[unknowns.SHINE] * (1.0 - is_inner) * _shine(depths.slope[place])
+            unknown[unknowns.SHINE] * (1.0 - is_inner) * shining(depths.slope[place])
         )
 
     return count
-
-
-@compiled_in_place
-def _shine(slope: float) -> float:
-    return float(np.exp(-((slope / unknowns.SHINING_SLOPE) ** 2)))
 
 
 @compiled_part
@@ -666,11 +665,11 @@ def derive(
         row[unknowns.LATERAL] = -depths.slope[place]
         row[unknowns.DEPTH] = 1.0
         row[unknowns.ROTATION] = across + steep * (deep - unknown[unknowns.DEPTH])
-        row[unknowns.SHINE] = (is_inner - 1.0) * _shine(depths.slope[place])
+        row[unknowns.SHINE] = (is_inner - 1.0) * shining(depths.slope[place])
         row[WEDGE] = across * is_inner
 
         for side, first in ((-1.0, LEFT), (1.0, RIGHT)):
-            ramp, rise = _ramp(side * across - unknown[first])
+            ramp, rise = unknowns.furrow(side * across - unknown[first])
             row[first] = -(unknown[first + 1] + unknown[first + 2] * ramp) * rise
             row[first + 1] = ramp
             row[first + 2] = 0.5 * ramp**2
@@ -705,33 +704,6 @@ def _step(scene: FitGeometry, unknown: Floats, place: int) -> float:
 
 
 @compiled_in_place
-def _ramp(beyond_m: float) -> tuple[float, float]:
-    """Return how far a place lies beyond a limbus, a smooth furrow, and its slope
-    (`unknowns`).
-    """
-    root = np.sqrt(beyond_m**2 + unknowns.SOFT_M**2)
-    return 0.5 * (beyond_m + root), 0.5 * (1.0 + beyond_m / root)
-
-
-@compiled_in_place
-def _form(
-    unknown: Floats, from_contact_m: float, is_inner: float
-) -> tuple[float, float]:
-    """Return the contribution of a form to depth and slope (`unknowns.form_depths`)."""
-    depth = unknown[WEDGE] * from_contact_m * is_inner
-    slope = unknown[WEDGE] * is_inner
-
-    for side, first in ((-1.0, LEFT), (1.0, RIGHT)):
-        angle = unknown[first + 1]
-        curvature = unknown[first + 2]
-        ramp, rise = _ramp(side * from_contact_m - unknown[first])
-        depth += (angle + 0.5 * curvature * ramp) * ramp
-        slope += side * (angle + curvature * ramp) * rise
-
-    return depth, slope
-
-
-@compiled_in_place
 def formed_section(
     scene: FitGeometry, unknown: Floats, wall: ShownWall, section: Floats
 ) -> None:
@@ -752,8 +724,8 @@ def formed_section(
         )
 
         for place in range(2 * count):
-            formed, _ = _form(
-                unknown,
+            formed, _ = unknowns.form_at(
+                unknown[unknowns.FORM],
                 wall.lateral[place] - unknown[unknowns.LATERAL],
                 float(boundary),
             )
@@ -791,13 +763,12 @@ def off_the_law(
     volume = displaced_volume(tables, law, unknown)
     pressure = np.exp(unknown[unknowns.PRESSURE])
     resting = np.exp(unknown[unknowns.IOP])
-    risen = level_of(pressure, law.is_logarithmic) - level_of(
-        resting, law.is_logarithmic
-    )
-    # of the level by the logarithm of the pressure
-    slope = 1.0 if law.is_logarithmic else np.cbrt(resting) / 3.0
+    level = level_of(resting, law.is_logarithmic)
+    risen = level_of(pressure, law.is_logarithmic) - level
+    slope = level_growth(level, law.is_logarithmic)
+    spread = np.hypot(law.spread * volume, LEAST_SD * slope)
 
-    return risen - law.mean * volume, np.hypot(law.spread * volume, LEAST_SD * slope)
+    return risen - law.mean * volume, float(spread)
 
 
 @compiled_in_place

@@ -9,7 +9,8 @@ thickening are 0, and the places of the limbus do not matter.
 
 import numpy as np
 
-from scleraforce.base.arrays import Floats
+from scleraforce.base.arrays import Floats, Number
+from scleraforce.base.compiled_loops import compiled, compiled_in_place
 
 # Of each side, left and right: place of the limbus from the contact, m; the angle
 # there, rad, up below 0; the curvature beyond, 1/m. Then how the thickness grows along
@@ -33,19 +34,43 @@ FORM_ENDS = np.array(
 SOFT_M = 0.4e-3  # the limbus is a smooth furrow
 
 
-def form_depths(form: Floats, from_contact_m: Floats, is_inner: Floats) -> Floats:
-    """Return the contribution of a form (7,) to depths (place,), m.
-
-    `from_contact_m`: lateral distance from the contact (place,); `is_inner`: 1 on the
-    inner boundary, 0 on the outer.
+@compiled_in_place
+def furrow(beyond_m: float) -> tuple[float, float]:
+    """Return how far a place lies beyond a limbus, a smooth furrow, and the slope of
+    that.
     """
-    depths: Floats = form[6] * from_contact_m * is_inner
-    for side, first in ((-1.0, 0), (1.0, 3)):
-        limbus_m, angle, curvature = form[first : first + 3]
-        beyond = side * from_contact_m - limbus_m
-        ramp = 0.5 * (beyond + np.sqrt(beyond**2 + SOFT_M**2))
-        depths = depths + (angle + 0.5 * curvature * ramp) * ramp
+    root = np.sqrt(beyond_m**2 + SOFT_M**2)
+    return 0.5 * (beyond_m + root), 0.5 * (1.0 + beyond_m / root)
 
+
+@compiled_in_place
+def form_at(
+    form: Floats, from_contact_m: float, is_inner: float
+) -> tuple[float, float]:
+    """Return the contribution of a form (7,) to the depth, m, and the slope.
+
+    `from_contact_m`: lateral distance from the contact; `is_inner`: 1 on the inner
+    boundary, 0 on the outer.
+    """
+    depth = form[6] * from_contact_m * is_inner
+    slope = form[6] * is_inner
+
+    for side, first in ((-1.0, 0), (1.0, 3)):
+        angle = form[first + 1]
+        curvature = form[first + 2]
+        ramp, rise = furrow(side * from_contact_m - form[first])
+        depth += (angle + 0.5 * curvature * ramp) * ramp
+        slope += side * (angle + curvature * ramp) * rise
+
+    return depth, slope
+
+
+@compiled
+def form_depths(form: Floats, from_contact_m: Floats, is_inner: Floats) -> Floats:
+    """Return the contributions of a form (7,) to depths (place,), m (`form_at`)."""
+    depths = np.empty(len(from_contact_m))
+    for place in range(len(depths)):
+        depths[place], _ = form_at(form, from_contact_m[place], is_inner[place])
     return depths
 
 
@@ -100,8 +125,11 @@ POLE_STEP = 5e-3
 SHINING_SLOPE = 0.115
 
 
-def shining(slope: Floats) -> Floats:
+def shining(slope: Number) -> Number:
     """Return the shift of the edge by the mirror reflection, over that of a surface
     that faces the light.
+
+    `fit.shown_wall` compiles it.
     """
-    return np.exp(-((slope / SHINING_SLOPE) ** 2))
+    shift: Number = np.exp(-((slope / SHINING_SLOPE) ** 2))
+    return shift

@@ -12,7 +12,7 @@ Public:
         `fill_boundaries`, `highest_depths`, `section_motion`, `wall_boundaries`
     response_splines: `CubicSpline`, `SUPPORT`, `SplineTables`, `curves_at`,
         `state_weights`, `undented_at`, `value_of`
-    sealed_eye: `iop_ratio_at_dent`, `iop_ratio_under_force`, `level_of`,
+    sealed_eye: `iop_ratio_at_dent`, `iop_ratio_under_force`, `level_growth`, `level_of`,
         `pressure_at_dent`, `pressure_of_level`
     wall_responses: `INNER`, `Library`, `OUTER`
 """

@@ -29,8 +29,12 @@ from scleraforce.library.response_splines import (
     spline_weights,
     value_of,
 )
+from scleraforce.records import globe as globe_laws
 from scleraforce.records.globe import CONSTANT_PRESSURE, PressureLaw
-from scleraforce.records.study_of_eye import RIGIDITY_LAWS
+
+level_of = compiled_in_place(globe_laws.level_of)
+level_growth = compiled_in_place(globe_laws.level_growth)
+pressure_of_level = compiled_in_place(globe_laws.pressure_of_level)
 
 
 class _WallLibrary(Protocol):
@@ -108,7 +112,7 @@ def pressure_at_dent(
             is_logarithmic,
         )
         path[p] += level
-        path[tensions + p] += 1.0 if is_logarithmic else level / 3.0
+        path[tensions + p] += level_growth(level, is_logarithmic)
 
     log_tension = first_place(
         tables.log_tension, path, level_of(resting, is_logarithmic)
@@ -255,20 +259,6 @@ def _paths_of_thickness(
                 along[tension, column] += weights[number] * row[column]
 
 
-@compiled_in_place
-def level_of(pressure: float, is_logarithmic: bool) -> float:
-    """Return the level of a pressure, which is linear in the volume
-    (`records.globe`).
-    """
-    return float(np.log(pressure)) if is_logarithmic else float(np.cbrt(pressure))
-
-
-@compiled_in_place
-def pressure_of_level(level: float, is_logarithmic: bool) -> float:
-    """Return the pressure of a level; never below 0."""
-    return np.exp(level) if is_logarithmic else max(level, 0.0) ** 3
-
-
 def iop_ratio_under_force(
     library: _WallLibrary,
     thickness_m: Floats,
@@ -295,7 +285,7 @@ def iop_ratio_under_force(
     eyes_ns = np.vstack([eyes_ns, library.iop_ratio_ends(eyes_ns[0])])
     pressures = np.empty(len(sealed))
     pressures_under_forces(
-        library.tables, eyes_ns, globe.law == RIGIDITY_LAWS[1], tolerance, pressures
+        library.tables, eyes_ns, globe.is_logarithmic, tolerance, pressures
     )
     found[sealed] = pressures
 
@@ -325,8 +315,9 @@ def iop_ratio_at_dent(
     )
     eyes = np.broadcast_arrays(*inside, globe.rate, iop_ratio)
     thickness, tip, rate, ratio = (np.array(part, dtype=np.float64) for part in eyes)
-    is_logarithmic = globe.law == RIGIDITY_LAWS[1]
-    pressures_at_dents(library.tables, thickness, tip, rate, is_logarithmic, ratio)
+    pressures_at_dents(
+        library.tables, thickness, tip, rate, globe.is_logarithmic, ratio
+    )
 
     return ratio
 

@@ -27,7 +27,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from scleraforce.base.arrays import Floats
+from scleraforce.base.arrays import Floats, Number
 from scleraforce.base.errors import InputError, StudyError
 from scleraforce.base.normal_distribution import MOST_CORRELATED, NINETY_PERCENT
 from scleraforce.base.units import to_si
@@ -47,6 +47,27 @@ Values = Floats | float
 
 # where a logarithmic law is as steep as the cube-root law of its k
 SAME_SLOPE_PA = to_si(15.0, "mmhg")
+
+
+def level_of(pressure: Number, is_logarithmic: bool) -> Number:
+    """Return the level of a pressure, which is linear in the volume: its cube root or
+    logarithm.
+
+    `library.sealed_eye` compiles this function and the two below.
+    """
+    level: Number = np.log(pressure) if is_logarithmic else np.cbrt(pressure)
+    return level
+
+
+def level_growth(level: Values, is_logarithmic: bool) -> Values:
+    """Return the derivative of the level by the logarithm of the pressure."""
+    return 1.0 if is_logarithmic else level / 3.0
+
+
+def pressure_of_level(level: Number, is_logarithmic: bool) -> Number:
+    """Return the pressure of a level; never below 0."""
+    pressure: Number = np.exp(level) if is_logarithmic else np.maximum(level, 0.0) ** 3
+    return pressure
 
 
 @dataclass(frozen=True)
@@ -91,34 +112,26 @@ class PressureLaw:
             else self
         )
 
+    @property
+    def is_logarithmic(self) -> bool:
+        """Return whether the level is the logarithm of the pressure."""
+        return self.law == RIGIDITY_LAWS[1]
+
     def level(self, pressure: Values) -> Floats:
-        """Return the level, which is linear in the volume: the pressure's cube root or
-        logarithm.
-        """
-        return np.asarray(
-            np.log(pressure) if self.law == RIGIDITY_LAWS[1] else np.cbrt(pressure)
-        )
+        """Return the level of a pressure (`level_of`)."""
+        return level_of(np.asarray(pressure), self.is_logarithmic)
 
     def level_slope(self, pressure: Values) -> Floats:
         """Return the derivative of the level by the pressure."""
-        return np.asarray(
-            1.0
-            / (
-                pressure
-                if self.law == RIGIDITY_LAWS[1]
-                else 3.0 * np.cbrt(pressure) ** 2
-            )
-        )
+        growth = level_growth(self.level(pressure), self.is_logarithmic)
+        return np.asarray(growth / pressure)
 
     def pressure(self, resting: Values, displaced_m3: Values) -> Floats:
         """Return the pressure when a dent displaces a volume, in the unit of the
         resting pressure; never below 0.
         """
-        if self.law == RIGIDITY_LAWS[1]:
-            return np.asarray(resting * np.exp(self.rate * displaced_m3))
-        return np.asarray(
-            np.maximum(np.cbrt(resting) + self.rate * displaced_m3, 0.0) ** 3
-        )
+        level = self.level(resting) + self.rate * displaced_m3
+        return np.asarray(pressure_of_level(level, self.is_logarithmic))
 
     def stiffness(self, pressure: Values) -> Floats:
         """Return dP/dV at a pressure, in its unit over m^3."""
