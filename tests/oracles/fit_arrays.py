@@ -1,7 +1,7 @@
 """A library's wall in a frame, and the law of its globe, by arrays."""
 
 import numpy as np
-from library_arrays import values_at
+from library_arrays import undented_walls, values_at
 from numpy.typing import NDArray
 
 from predicted_walls import Walls
@@ -98,8 +98,14 @@ def ring_motion(
     wanted = np.concatenate([-rings, rings], axis=1)
     left = np.clip(np.searchsorted(stations, wanted) - 1, 0, len(stations) - 2)
     share = (wanted - stations[left]) / (stations[left + 1] - stations[left])
-    bulge = library.base_bulge(
-        thickness, ratio, section_places(stations, across), pole_s2
+    motion = undented_motion(
+        undented_walls(library, thickness, ratio),
+        library.tables.angles,
+        library.radius_m,
+        thickness,
+    )
+    bulge = base_bulge(
+        motion, library.tables.angles, section_places(stations, across), pole_s2
     )
     pushed = base_push(library.forces(*place), thickness, library.poisson_ratio)
     bulge[..., :2] += (pushed[:, None] * pole_s2)[:, None, None, :]
@@ -108,6 +114,65 @@ def ring_motion(
     at_rings: Floats = low + share[..., None] * (high - low)
 
     return at_rings.reshape(*at_rings.shape[:2], 2, -1, 3)
+
+
+def undented_motion(
+    undented_sbnc: Floats, angles_n: Floats, radius_m: float, thickness_s: Floats
+) -> Floats:
+    """Return the motion under the pressure (sample, boundary, node, [away from the
+    axis, up]), m.
+
+    `undented_sbnc`: walls under the pressure alone (distance from the axis, depth);
+    `angles_n`: of their nodes.
+    """
+    radii_sb = radius_m - np.stack([np.zeros_like(thickness_s), thickness_s], axis=1)
+    at_rest = radii_sb[..., None, None] * np.stack(
+        [np.sin(angles_n), np.cos(angles_n)], axis=-1
+    )
+    now = np.stack([undented_sbnc[..., 0], radius_m - undented_sbnc[..., 1]], axis=-1)
+    return np.asarray(now - at_rest)
+
+
+def base_bulge(
+    motion_sbnc: Floats, angles_n: Floats, places_bpc: Floats, pole_s2: Floats
+) -> Floats:
+    """Return the motion from walls about the needle axis to those about the eye's
+    (sample, boundary, place, 3), m: along the section, across it, and down.
+
+    `motion_sbnc`: of walls under the pressure alone (`undented_motion`), whose nodes
+    are at `angles_n`. `places_bpc`: unit vectors to the places at rest, along the
+    section, across it, up along the needle axis.
+    """
+    upright = np.sqrt(np.maximum(1.0 - (pole_s2**2).sum(axis=1, keepdims=True), 0.0))
+    eye_axis_sc = np.concatenate([pole_s2, upright], axis=1)
+    bulged = np.array(
+        [
+            _about(axis, motion, angles_n, places_bpc)
+            - _about(np.array([0.0, 0.0, 1.0]), motion, angles_n, places_bpc)
+            for axis, motion in zip(eye_axis_sc, motion_sbnc, strict=True)
+        ]
+    )
+    bulged[..., 2] *= -1.0
+
+    return bulged
+
+
+def _about(
+    axis_c: Floats, motion_bnc: Floats, angles_n: Floats, places_bpc: Floats
+) -> Floats:
+    """Return the motion at places (boundary, place, 3) of a wall about an axis."""
+    along = places_bpc @ axis_c
+    away = places_bpc - along[..., None] * axis_c
+    away /= np.maximum(np.linalg.norm(away, axis=-1, keepdims=True), 1e-9)
+    angle = np.arccos(np.clip(along, -1.0, 1.0))
+    moved = np.stack(
+        [
+            [np.interp(angle[boundary], angles_n, part) for part in motion.T]
+            for boundary, motion in enumerate(motion_bnc)
+        ]
+    )
+
+    return moved[:, 0, :, None] * away + moved[:, 1, :, None] * axis_c
 
 
 def cut_by_plane(curves_sbnc: Floats, gap_s: Floats, moved_sbwnc: Floats) -> Floats:

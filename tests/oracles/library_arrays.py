@@ -39,6 +39,19 @@ def values_at(library: Library, values: NDArray[np.floating], *state: Floats) ->
     return found
 
 
+def undented_walls(library: Library, thickness_m: Floats, iop_ratio: Floats) -> Floats:
+    """Walls without the needle (sample, boundary, node, 2), m."""
+    tables = library.tables
+    t, of_t = tables.thickness.weights(np.log(thickness_m))
+    p, of_p = tables.tension.weights(np.log(iop_ratio * tables.radius_m / thickness_m))
+    table = tables.undented.reshape(-1, tables.tensions, 2, len(tables.angles), 2)
+    near = np.arange(4)
+    some = table[t[:, None, None] + near[:, None], p[:, None, None] + near]
+    found: Floats = np.einsum("sij...,si,sj->s...", some, of_t, of_p)
+
+    return found
+
+
 def reached_tips(
     library: Library, thickness_m: Floats, iop_ratio: Floats, force_ratio: Floats
 ) -> Floats:

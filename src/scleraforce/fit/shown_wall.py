@@ -12,22 +12,27 @@ import numpy as np
 from scleraforce.base.arrays import Flags, Floats, Places
 from scleraforce.base.compiled_loops import compiled, compiled_in_place, compiled_part
 from scleraforce.fit import unknowns
-from scleraforce.library.moving_base import SHEARED
+from scleraforce.library.moving_base import (
+    UP,
+    Vector,
+    bulge_at,
+    find_meridian,
+    push_of,
+    turn_about,
+)
 from scleraforce.library.response_splines import (
     SUPPORT,
     SplineTables,
     curves_at,
+    node_before,
     state_weights,
-    undented_at,
     value_of,
 )
 from scleraforce.library.sealed_eye import level_growth, level_of
 
-Vector = tuple[float, float, float]
-
 shining = compiled_in_place(unknowns.shining)
 
-LEAST_NORM = 1e-9
+LEAST_COSINE = 1e-9
 # places, weights
 GAUSS_HERMITE = (
     np.array([-np.sqrt(3.0), 0.0, np.sqrt(3.0)]),
@@ -42,7 +47,6 @@ ACROSS = unknowns.POLE.start + 1
 LEFT = unknowns.FORM.start
 RIGHT = unknowns.FORM.start + 3
 WEDGE = unknowns.FORM.start + 6
-UP = (0.0, 0.0, 1.0)
 
 
 class FitGeometry(NamedTuple):
@@ -52,9 +56,9 @@ class FitGeometry(NamedTuple):
     `at_m` (place,), the first `outer` on the outer boundary, and `smoothing_m` are as
     in `curve_placement.PlacesOnFrame`. `stations` (boundary, station, 3): unit vectors
     to places of the section at rest, where the base's effect is found; `about_needle`:
-    the same about the needle axis (`_turn`). A ring (boundary, left nodes and right
-    ones), from the axis outwards on either side, lies between the station `left` and
-    the next one, by `share` of the way.
+    the same about the needle axis (`turn_about`). A ring (boundary, left nodes and
+    right ones), from the axis outwards on either side, lies between the station `left`
+    and the next one, by `share` of the way.
     """
 
     tables: SplineTables
@@ -66,8 +70,6 @@ class FitGeometry(NamedTuple):
     about_needle: Floats
     left: Places
     share: Floats
-    sines: Floats
-    cosines: Floats
 
 
 class ShownWall(NamedTuple):
@@ -75,10 +77,10 @@ class ShownWall(NamedTuple):
     rings (boundary, ring, 3).
 
     `meridian` (boundary, node, [away, up]) is its motion under the pressure alone,
-    `turned` its stations about the eye's axis (`_turn`), `pushed` (3,) the base's push,
-    and by how much the plane is farther from the needle axis for each metre below the
-    contact. The rest is workspace: rows and weights of its state, motions of stations
-    (station, 3), and the section (2 node,) with its slopes.
+    `turned` its stations about the eye's axis (`turn_about`), `pushed` (3,) the base's
+    push, and by how much the plane is farther from the needle axis for each metre below
+    the contact. The rest is workspace: rows and weights of its state, motions of
+    stations (station, 3), and the section (2 node,) with its slopes.
     """
 
     curve: Floats
@@ -120,7 +122,7 @@ def scene_of(
     """
     nodes = tables.curves.shape[1] // 4
     count = int(np.ceil(tables.angles[nodes - 1] / STATION_RAD)) + 1
-    sines = np.sin(tables.angles)
+    sines = tables.sines
     along = sines[nodes - 1] * (np.arange(2 * count + 1) / count - 1.0)
     stations = np.empty((2, len(along), 3))
     about_needle = np.empty((2, len(along), 5))
@@ -137,15 +139,14 @@ def scene_of(
             wanted = np.sqrt(max(sines[ring % nodes] ** 2 - across**2, 0.0)) * (
                 -1.0 if ring < nodes else 1.0
             )
-            station = _before(along, wanted)
+            station = node_before(along, wanted)
             left[boundary, ring] = station
             share[boundary, ring] = (wanted - along[station]) / (
                 along[station + 1] - along[station]
             )
 
-    _turn(stations, tables.angles, UP, about_needle)
+    turn_about(stations, tables.angles, UP, about_needle)
     at_m, outer, smoothing_m = places
-    cosines = np.cos(tables.angles)
     return FitGeometry(
         tables,
         pressure,
@@ -156,29 +157,7 @@ def scene_of(
         about_needle,
         left,
         share,
-        sines,
-        cosines,
     )
-
-
-@compiled_in_place
-def _before(nodes: Floats, place: float) -> int:
-    """Return the last of increasing nodes below a place, which has a next one.
-
-    Not np.searchsorted: to load its machine code, Numba imports SciPy's linear algebra,
-    for 0.1 s.
-    """
-    node = 0
-    after = len(nodes) - 1
-
-    while after - node > 1:
-        middle = (node + after) // 2
-        if nodes[middle] < place:
-            node = middle
-        else:
-            after = middle
-
-    return node
 
 
 @compiled_part
@@ -189,7 +168,7 @@ def empty_wall(scene: FitGeometry) -> ShownWall:
     return ShownWall(
         np.empty((2, nodes, 2)),
         np.zeros((2, 2 * nodes, 3)),
-        np.empty((2, len(scene.sines), 2)),
+        np.empty((2, len(scene.tables.angles), 2)),
         np.empty((2, stations, 5)),
         np.zeros(3),
         np.empty(SUPPORT**3, dtype=np.intp),
@@ -233,8 +212,8 @@ def _find_wall(
     wall.motion[:] = 0.0
 
     if axis[2] < 1.0:
-        _find_meridian(scene, state, wall.meridian)
-        _turn(scene.stations, scene.tables.angles, axis, wall.turned)
+        find_meridian(scene.tables, state[0], state[1], wall.meridian)
+        turn_about(scene.stations, scene.tables.angles, axis, wall.turned)
         _move(scene, wall.meridian, wall.turned, axis, count, wall.moved, wall.motion)
 
 
@@ -268,53 +247,9 @@ def _find_push(
 ) -> None:
     """Write the push of the base at a state (`moving_base.base_push`)."""
     force_ratio = value_of(tables, tables.forces, state[0], state[1], state[2])
-    share = SHEARED * (1.0 + tables.poisson_ratio) / np.pi * force_ratio / state[0]
+    share = push_of(force_ratio, state[0], tables.poisson_ratio)
     pushed[0] = unknown[ALONG] * share
     pushed[1] = unknown[ACROSS] * share
-
-
-@compiled_in_place
-def _find_meridian(scene: FitGeometry, state: Vector, meridian: Floats) -> None:
-    """Write how the pressure alone moves a wall (boundary, node, [away from the axis,
-    up]).
-    """
-    undented_at(scene.tables, state[0], state[1], meridian.reshape(meridian.size))
-    for boundary in range(2):
-        radius_m = scene.tables.radius_m - boundary * state[0]
-        way = meridian[boundary]
-
-        for node in range(len(way)):
-            way[node, 0] -= radius_m * scene.sines[node]
-            way[node, 1] = (
-                scene.tables.radius_m - way[node, 1] - radius_m * scene.cosines[node]
-            )
-
-
-@compiled_in_place
-def _turn(stations: Floats, angles: Floats, axis: Vector, turned: Floats) -> None:
-    """Write where stations lie about an axis (boundary, station, 5).
-
-    Each lies on the meridian between a node and the next one by a share; then follows
-    its unit vector from the axis.
-    """
-    for boundary in range(2):
-        for place in range(stations.shape[1]):
-            x, y, z = stations[boundary, place]
-            along = x * axis[0] + y * axis[1] + z * axis[2]
-            x = x - along * axis[0]
-            y = y - along * axis[1]
-            z = z - along * axis[2]
-            norm = max(np.sqrt(x**2 + y**2 + z**2), LEAST_NORM)
-            angle = min(
-                max(np.arccos(min(max(along, -1.0), 1.0)), angles[0]), angles[-1]
-            )
-            node = _before(angles, angle)
-            turn = turned[boundary, place]
-            turn[0] = node
-            turn[1] = (angle - angles[node]) / (angles[node + 1] - angles[node])
-            turn[2] = x / norm
-            turn[3] = y / norm
-            turn[4] = z / norm
 
 
 @compiled_in_place
@@ -328,7 +263,7 @@ def _move(
     motion: Floats,
 ) -> None:
     """Write how the pressure moves the first rings of a wall beside the pole (boundary,
-    ring, 3) (`base_bulge`).
+    ring, 3) (`moving_base.bulge_at`).
     """
     nodes = motion.shape[1] // 2
     left = scene.left
@@ -340,11 +275,10 @@ def _move(
         ):
             turn = turned[boundary, place]
             rest = scene.about_needle[boundary, place]
-            away, up = _moved_along(way, turn)
-            resting, above = _moved_along(way, rest)
-            moved[place, 0] = away * turn[2] + up * axis[0] - resting * rest[2]
-            moved[place, 1] = away * turn[3] + up * axis[1] - resting * rest[3]
-            moved[place, 2] = above - away * turn[4] - up * axis[2]
+            bulge = bulge_at(way, turn, rest, axis)
+            moved[place, 0] = bulge[0]
+            moved[place, 1] = bulge[1]
+            moved[place, 2] = bulge[2]
 
         for side in range(2):
             for ring in range(side * nodes, side * nodes + count):
@@ -355,15 +289,6 @@ def _move(
                     low = moved[station, part]
                     high = moved[station + 1, part]
                     motion[boundary, ring, part] = low + share * (high - low)
-
-
-@compiled_in_place
-def _moved_along(way: Floats, turn: Floats) -> tuple[float, float]:
-    """Return the motion along the meridian, away from its axis and up, at a station."""
-    node = int(turn[0])
-    share = turn[1]
-    away = way[node, 0] + share * (way[node + 1, 0] - way[node, 0])
-    return away, way[node, 1] + share * (way[node + 1, 1] - way[node, 1])
 
 
 @compiled_in_place
@@ -517,13 +442,13 @@ def show_wall(
         + s * size * tables.radius_m
     )
     reach = (
-        reach / max(np.cos(unknown[unknowns.ROTATION]), LEAST_NORM) + SPARE_M
+        reach / max(np.cos(unknown[unknowns.ROTATION]), LEAST_COSINE) + SPARE_M
     ) / size
     reach /= tables.radius_m - tables.thickness_ends_m[1]
     count = (
         nodes
         if reach >= 1.0
-        else min(_before(tables.angles, np.arcsin(reach)) + 3, nodes)
+        else min(node_before(tables.angles, np.arcsin(reach)) + 3, nodes)
     )
     _find_wall(scene, unknown, count, wall)
     boundary = 0
@@ -593,9 +518,8 @@ def derive(
     varied = unknown.copy()
 
     if axis[2] == 1.0:
-        _find_meridian(
-            scene, library_place(tables, unknown, scene.pressure), wall.meridian
-        )
+        state = library_place(tables, unknown, scene.pressure)
+        find_meridian(tables, state[0], state[1], wall.meridian)
 
     depth_m = np.empty(len(scene.at_m))
     slope = np.empty(len(scene.at_m))
@@ -616,7 +540,7 @@ def derive(
 
         if moving in (ALONG, ACROSS):
             motion = other.motion
-            _turn(scene.stations, tables.angles, _axis(varied), other.turned)
+            turn_about(scene.stations, tables.angles, _axis(varied), other.turned)
             _move(
                 scene,
                 wall.meridian,
@@ -628,7 +552,7 @@ def derive(
             )
         elif axis[2] < 1.0 and moving in (unknowns.THICKNESS, scene.pressure):
             motion = other.motion
-            _find_meridian(scene, state, other.meridian)
+            find_meridian(tables, state[0], state[1], other.meridian)
             _move(scene, other.meridian, wall.turned, axis, count, other.moved, motion)
 
         _find_push(tables, state, varied, other.pushed)

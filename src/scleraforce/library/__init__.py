@@ -7,13 +7,14 @@ Public:
     library_plan: `LARGEST_POLAR_DEG`, `LITTLE_STIFFENING`, `plan_library`,
         `stiffening_place`
     library_store: `build_library`, `cached_library`, `open_library`, `solve_path`
-    moving_base: `SHEARED`, `pole_directions`, `section_places`
+    moving_base: `SHEARED`, `UP`, `Vector`, `bulge_at`, `find_meridian`,
+        `pole_directions`, `push_of`, `section_places`, `turn_about`
     plane_cut: `Framing`, `column_laterals`, `cut_rings`, `cut_surfaces`, `draw_slices`,
         `fill_boundaries`, `highest_depths`, `section_motion`, `wall_boundaries`
     response_splines: `CubicSpline`, `SUPPORT`, `SplineTables`, `curves_at`,
-        `state_weights`, `undented_at`, `value_of`
-    sealed_eye: `iop_ratio_at_dent`, `iop_ratio_under_force`, `level_growth`, `level_of`,
-        `pressure_at_dent`, `pressure_of_level`
+        `node_before`, `state_weights`, `value_of`
+    sealed_eye: `iop_ratio_at_dent`, `iop_ratio_under_force`, `level_growth`,
+        `level_of`, `pressure_at_dent`, `pressure_of_level`
     wall_responses: `INNER`, `Library`, `OUTER`
 """
 

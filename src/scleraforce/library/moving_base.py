@@ -9,13 +9,25 @@ measured. Maxwell's reciprocity: Timoshenko and Goodier, Theory of Elasticity, s
 import numpy as np
 from numpy.typing import NDArray
 
-from scleraforce.base.arrays import Floats
+from scleraforce.base.arrays import Floats, Number
+from scleraforce.base.compiled_loops import compiled, compiled_in_place
 from scleraforce.library.library_plan import (
     LARGEST_POLAR_DEG,
     SUPPORTS_DEG,
     evenly_picked,
 )
-from scleraforce.library.response_splines import SUPPORT, CubicSpline
+from scleraforce.library.response_splines import (
+    SUPPORT,
+    CubicSpline,
+    SplineTables,
+    node_before,
+    undented_at,
+)
+
+Vector = tuple[float, float, float]
+
+UP = (0.0, 0.0, 1.0)  # along the needle axis
+LEAST_NORM = 1e-9
 
 # Times (1 + nu)/pi F/(E t): how far a force across its axis moves the top of a
 # half-sphere, a membrane, that is held at its base. 1.08 for 0.6 mm; 1.05 to 1.2 for
@@ -37,13 +49,14 @@ def pole_directions(polar_s: Floats | float, direction_s: Floats | float) -> Flo
     )
 
 
-def base_push(
-    force_ratio_s: Floats, thickness_s: Floats, poisson_ratio: float
-) -> Floats:
-    """Return the motion of the dent (sample,), m, by the needle's force F/E, m^2, per
-    part of `pole_directions`.
+def base_push(force_ratio: Number, thickness_m: Number, poisson_ratio: float) -> Number:
+    """Return the motion of the dent, m, by the needle's force F/E, m^2, per part of
+    `pole_directions`.
     """
-    return SHEARED * (1.0 + poisson_ratio) / np.pi * force_ratio_s / thickness_s
+    return SHEARED * (1.0 + poisson_ratio) / np.pi * force_ratio / thickness_m
+
+
+push_of = compiled_in_place(base_push)
 
 
 def section_places(along: Floats, across: Floats) -> Floats:
@@ -61,69 +74,113 @@ def meridian_angles(undented_bnc: Floats, radius_m: float) -> Floats:
     return np.arctan2(undented_bnc[0, :, 0], radius_m - undented_bnc[0, :, 1])
 
 
-def undented_motion(
-    undented_sbnc: Floats, angles_n: Floats, radius_m: float, thickness_s: Floats
-) -> Floats:
-    """Return the motion under the pressure (sample, boundary, node, [away from the
-    axis, up]), m.
-
-    `undented_sbnc`: walls under the pressure alone (distance from the axis, depth);
-    `angles_n`: of their nodes.
+@compiled_in_place
+def find_meridian(
+    tables: SplineTables, thickness_m: float, iop_ratio: float, meridian: Floats
+) -> None:
+    """Write how the pressure alone moves a wall (boundary, node, [away from the axis,
+    up]).
     """
-    radii_sb = radius_m - np.stack([np.zeros_like(thickness_s), thickness_s], axis=1)
-    at_rest = radii_sb[..., None, None] * np.stack(
-        [np.sin(angles_n), np.cos(angles_n)], axis=-1
-    )
-    now = np.stack([undented_sbnc[..., 0], radius_m - undented_sbnc[..., 1]], axis=-1)
-    return np.asarray(now - at_rest)
+    undented_at(tables, thickness_m, iop_ratio, meridian.reshape(meridian.size))
+    for boundary in range(2):
+        radius_m = tables.radius_m - boundary * thickness_m
+        way = meridian[boundary]
+
+        for node in range(len(way)):
+            way[node, 0] -= radius_m * tables.sines[node]
+            way[node, 1] = (
+                tables.radius_m - way[node, 1] - radius_m * tables.cosines[node]
+            )
 
 
-def base_bulge(
-    motion_sbnc: Floats, angles_n: Floats, places_sbpc: Floats, pole_s2: Floats
-) -> Floats:
-    """Return the motion from the wall about the needle axis to that about the eye's
-    (sample, boundary, place, 3), m.
+@compiled_in_place
+def turn_about(places: Floats, angles: Floats, axis: Vector, turned: Floats) -> None:
+    """Write where places at rest, unit vectors (boundary, place, 3), lie about an axis
+    (boundary, place, 5).
 
-    Its parts are along the section, across it, and down. `motion_sbnc`: of walls under
-    the pressure alone (`undented_motion`), whose nodes are at `angles_n`.
-    `places_sbpc`: unit vectors to the places at rest, along the section, across it, up
-    along the needle axis; one sample for all, or one for each.
+    Each lies on the meridian between a node, at an angle, and the next one by a share;
+    then follows its unit vector from the axis. Beyond the base it is at the base.
     """
-    upright = np.sqrt(np.maximum(1.0 - (pole_s2**2).sum(axis=1, keepdims=True), 0.0))
-    eye_axis_sc = np.concatenate([pole_s2, upright], axis=1)
-    places_sbpc = places_sbpc.reshape(-1, *places_sbpc.shape[-3:])
-    bulged = _about(eye_axis_sc, motion_sbnc, angles_n, places_sbpc)
-    bulged -= _about(np.array([[0.0, 0.0, 1.0]]), motion_sbnc, angles_n, places_sbpc)
-    bulged[..., 2] *= -1.0
+    for boundary in range(2):
+        for place in range(places.shape[1]):
+            x, y, z = places[boundary, place]
+            along = x * axis[0] + y * axis[1] + z * axis[2]
+            x = x - along * axis[0]
+            y = y - along * axis[1]
+            z = z - along * axis[2]
+            norm = max(np.sqrt(x**2 + y**2 + z**2), LEAST_NORM)
+            angle = min(
+                max(np.arccos(min(max(along, -1.0), 1.0)), angles[0]), angles[-1]
+            )
+            node = node_before(angles, angle)
+            turn = turned[boundary, place]
+            turn[0] = node
+            turn[1] = (angle - angles[node]) / (angles[node + 1] - angles[node])
+            turn[2] = x / norm
+            turn[3] = y / norm
+            turn[4] = z / norm
 
-    return bulged
 
+@compiled_in_place
+def bulge_at(way: Floats, turn: Floats, rest: Floats, axis: Vector) -> Vector:
+    """Return the motion of a place from the wall about the needle axis to that about
+    the eye's: along the section, across it and down, m.
 
-def _about(
-    axis_sc: Floats, motion_sbnc: Floats, angles_n: Floats, places_sbpc: Floats
-) -> Floats:
-    """Return the motion at places of walls about an axis; beyond the base, the base's:
-    zero.
+    `way` (node, [away, up]) is the motion along the meridian; `turn` and `rest` (5,)
+    are where the place lies about the eye's axis and about the needle's (`turn_about`).
     """
-    axis = axis_sc[:, None, None, :]
-    along = (places_sbpc * axis).sum(axis=-1, keepdims=True)
-    away = places_sbpc - along * axis
-    away /= np.maximum(np.linalg.norm(away, axis=-1, keepdims=True), 1e-9)
-    angle = np.clip(
-        np.arccos(np.clip(along[..., 0], -1.0, 1.0)), angles_n[0], angles_n[-1]
+    away, up = _moved_along(way, turn)
+    resting, above = _moved_along(way, rest)
+    return (
+        away * turn[2] + up * axis[0] - resting * rest[2],
+        away * turn[3] + up * axis[1] - resting * rest[3],
+        above - away * turn[4] - up * axis[2],
     )
-    node = np.clip(np.searchsorted(angles_n, angle) - 1, 0, len(angles_n) - 2)
-    share = ((angle - angles_n[node]) / (angles_n[node + 1] - angles_n[node]))[
-        ..., None
-    ]
-    motion_sbnc = np.broadcast_to(
-        motion_sbnc, (max(len(motion_sbnc), len(node)), *motion_sbnc.shape[1:])
-    )
-    node = np.broadcast_to(node, (len(motion_sbnc), *node.shape[1:]))[..., None]
-    low, high = (np.take_along_axis(motion_sbnc, at, axis=2) for at in (node, node + 1))
-    moved = low + share * (high - low)
 
-    return moved[..., :1] * away + moved[..., 1:] * axis
+
+@compiled_in_place
+def _moved_along(way: Floats, turn: Floats) -> tuple[float, float]:
+    """Return the motion along the meridian, away from its axis and up, at a place."""
+    node = int(turn[0])
+    share = turn[1]
+    away = way[node, 0] + share * (way[node + 1, 0] - way[node, 0])
+    return away, way[node, 1] + share * (way[node + 1, 1] - way[node, 1])
+
+
+@compiled
+def bulges_of(
+    tables: SplineTables,
+    thickness_m: Floats,
+    iop_ratio: Floats,
+    places_sbpc: Floats,
+    pole_s2: Floats,
+    moved_sbpc: Floats,
+) -> None:
+    """Write the motion of places by the base (`Library.base_bulge`)."""
+    meridian = np.empty((2, len(tables.angles), 2))
+    turned = np.empty((2, places_sbpc.shape[2], 5))
+    about_needle = np.empty_like(turned)
+
+    for sample in range(len(pole_s2)):
+        along = pole_s2[sample, 0]
+        across = pole_s2[sample, 1]
+        axis = (along, across, np.sqrt(max(1.0 - along**2 - across**2, 0.0)))
+        find_meridian(tables, thickness_m[sample], iop_ratio[sample], meridian)
+        turn_about(places_sbpc[sample], tables.angles, axis, turned)
+        turn_about(places_sbpc[sample], tables.angles, UP, about_needle)
+
+        for boundary in range(2):
+            for place in range(places_sbpc.shape[2]):
+                motion = bulge_at(
+                    meridian[boundary],
+                    turned[boundary, place],
+                    about_needle[boundary, place],
+                    axis,
+                )
+                moved = moved_sbpc[sample, boundary, place]
+                moved[0] = motion[0]
+                moved[1] = motion[1]
+                moved[2] = motion[2]
 
 
 def contact_rises(

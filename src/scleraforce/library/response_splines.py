@@ -314,7 +314,8 @@ class SplineTables(NamedTuple):
     `tensions` and `tips` nodes and lie between `thickness_ends_m` and `tension_ends`.
     `paths` (t p, 2 d) are the weights of force and slope at the tips `tip_m` (d,), and
     `volumes_along_tension` (t d, 2 p) of volume and slope at `log_tension` (p,).
-    `angles` (node,) belong to the walls without the needle.
+    `angles` (node,) belong to the walls without the needle, `sines` and `cosines` to
+    them.
     """
 
     thickness: SplinePieces
@@ -333,8 +334,30 @@ class SplineTables(NamedTuple):
     thickness_ends_m: tuple[float, float]
     tension_ends: tuple[float, float]
     angles: Floats
+    sines: Floats
+    cosines: Floats
     radius_m: float
     poisson_ratio: float
+
+
+@compiled_in_place
+def node_before(nodes: Floats, place: float) -> int:
+    """Return the last of increasing nodes below a place, which has a next one.
+
+    Not np.searchsorted: to load its machine code, Numba imports SciPy's linear algebra,
+    for 0.1 s.
+    """
+    node = 0
+    after = len(nodes) - 1
+
+    while after - node > 1:
+        middle = (node + after) // 2
+        if nodes[middle] < place:
+            node = middle
+        else:
+            after = middle
+
+    return node
 
 
 @compiled_in_place

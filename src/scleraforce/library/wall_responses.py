@@ -24,11 +24,10 @@ from scleraforce.base.errors import InputError
 from scleraforce.base.units import from_si
 from scleraforce.library import response_splines
 from scleraforce.library.moving_base import (
-    base_bulge,
+    bulges_of,
     contact_rises,
     meridian_angles,
     rise_slope,
-    undented_motion,
 )
 from scleraforce.library.range_checks import SLACK, check_inside, inside_ends
 from scleraforce.library.response_splines import (
@@ -255,17 +254,22 @@ class Library:
         places_sbpc: Floats,
         pole_s2: Floats,
     ) -> Floats:
-        """Return the motion of walls beside the pole by the base (sample, boundary,
-        place, 3), m; see `moving_base`.
+        """Return the motion of places by the base, from the wall about the needle axis
+        to that about the eye's (sample, boundary, place, 3), m.
+
+        Its parts are along the section, across it, and down. `places_sbpc`: unit
+        vectors to the places at rest (`moving_base.section_places`), one sample for
+        all, or one for each; `pole_s2`: of `moving_base.pole_directions`.
         """
-        rows, weights = self._walls(thickness_m, iop_ratio)
-        undented = (weights[:, None] @ self._undented_weights[rows])[:, 0]
-        undented_sbnc = undented.reshape(len(rows), *self.undented_tpbnc.shape[2:])
-        motion = undented_motion(
-            undented_sbnc, self._angles, self.radius_m, np.asarray(thickness_m)
+        self.check_walls(thickness_m, iop_ratio)
+        moved = np.empty((len(pole_s2), *places_sbpc.shape[-3:]))
+        thickness, ratio, _ = _samples(thickness_m, iop_ratio, np.empty(len(pole_s2)))
+        places = np.ascontiguousarray(np.broadcast_to(places_sbpc, moved.shape))
+        bulges_of(
+            self.tables, thickness, ratio, places, np.ascontiguousarray(pole_s2), moved
         )
 
-        return base_bulge(motion, self._angles, places_sbpc, pole_s2)
+        return moved
 
     def node_angles(self) -> Floats:
         """Return the angles from the needle axis at which the nodes of the curves lie
@@ -492,6 +496,8 @@ class Library:
             thickness_ends_m=self._ends(self.thickness_m),
             tension_ends=self._ends(self.tension),
             angles=self._angles,
+            sines=np.sin(self._angles),
+            cosines=np.cos(self._angles),
             radius_m=self.radius_m,
             poisson_ratio=self.poisson_ratio,
         )

@@ -22,8 +22,8 @@ Public:
     frame: `Frame`, `FrameSource`, `MASK_SD_ROWS`, `Mask`, `Moment`, `NOT_JUDGED`,
         `NO_WALL`, `OpenedFrame`, `Pixels`, `WALL`, `check_frame`, `frame_digest`
     globe: `CONSTANT_PRESSURE`, `Globe`, `OPEN`, `PressureLaw`, `REFERENCE_RIGIDITY`,
-        `SAME_SLOPE_PA`, `SEALED`, `UNKNOWN`, `level_growth`, `level_of`, `pressure_of_level`,
-        `sealed_law`, `study_law`
+        `SAME_SLOPE_PA`, `SEALED`, `UNKNOWN`, `level_growth`, `level_of`,
+        `pressure_of_level`, `sealed_law`, `study_law`
     missing_inputs: `missing_inputs`
     model_folder: `CARD_FILE`, `COMMON_FILES`, `FILES`, `LIBRARY_FILE`, `ModelFolder`,
         `NETWORK_FILE`, `Origin`, `RECORD_FILE`, `SHIPPED`, `SHIPPED_LIVING`,
