@@ -141,6 +141,24 @@ def folded_walls():
     return wall[None]
 
 
+def test_between_rings_the_depth_is_linear_in_the_square_of_the_lateral_place():
+    walls, gap_m, tilt_rad, _ = drawn(12)
+    above_the_equator = walls[:, :, :64]
+    for wall, gap, tilt in zip(above_the_equator, gap_m, tilt_rad, strict=True):
+        section = cut_surfaces(wall, gap, tilt)
+        for (distance, deep), curve in zip(
+            np.moveaxis(wall, -1, 1), (section.outer, section.inner), strict=True
+        ):
+            square = distance**2 - (gap + deep * np.tan(tilt)) ** 2
+            assert (np.diff(curve[:, 0]) > 0.0).all()
+            assert curve[[0, -1], 0] == pytest.approx(
+                np.sqrt(square[-1]) * np.array([-1.0, 1.0])
+            )
+            assert curve[:, 1] == pytest.approx(
+                np.interp(curve[:, 0] ** 2, square, deep / np.cos(tilt)), abs=1e-12
+            )
+
+
 @pytest.mark.parametrize("turn_rad", [0.0, 0.08])
 def test_slices_show_the_cut_section_but_for_centres_on_its_boundary(turn_rad):
     eyes = drawn(11, turn_rad)

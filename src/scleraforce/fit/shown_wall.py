@@ -28,6 +28,7 @@ from scleraforce.library.response_splines import (
     state_weights,
     value_of,
 )
+from scleraforce.library.ring_cut import meet_rings
 from scleraforce.library.sealed_eye import level_growth, level_of
 
 shining = compiled_in_place(unknowns.shining)
@@ -307,51 +308,26 @@ def cut_wall(
     squares = wall.steep
     lateral = wall.lateral
     down = wall.down
-    gap_m = unknown[unknowns.GAP]
     size = np.exp(unknown[unknowns.SIZE])
+    gap_m = unknown[unknowns.GAP] / size - pushed[1]
     c = np.cos(unknown[unknowns.ROTATION])
     s = np.sin(unknown[unknowns.ROTATION])
-    tilt = size * pushed[2]
-    longer = np.sqrt(1.0 + pushed[2] ** 2)  # depths along the plane
+    longer = size * np.sqrt(1.0 + pushed[2] ** 2)  # depths along the plane
 
     for side in range(2):
         ring = side * nodes
         sign = 2.0 * side - 1.0
-        first = count
+        first, middle = meet_rings(
+            curve, motion[ring : ring + count, 1], gap_m, pushed[2], squares
+        )
 
         for node in range(count):
-            gap = (
-                gap_m
-                - size * (motion[ring + node, 1] + pushed[1])
-                + tilt * curve[node, 1]
-            )
-            squares[node] = (size * curve[node, 0]) ** 2 - gap**2
-
-            if squares[node] > 0.0 and first == count:
-                first = node
-
-        beyond = first
-        first = first % count
-        share = 1.0
-        last = max(first - 1, 0)
-
-        if first > 0:
-            share = min(
-                max(-squares[last] / max(squares[first] - squares[last], 1e-30), 0.0),
-                1.0,
-            )
-
-        middle = size * curve[last, 1]
-        middle += share * (size * curve[first, 1] - middle)
-
-        for node in range(count):
-            near = ring + max(node, first)
-            across = sign * np.sqrt(max(squares[node], 0.0)) if node >= beyond else 0.0
-            across += size * (motion[near, 0] + pushed[0])
-            deep = longer * (
-                (size * curve[node, 1] if node >= beyond else middle)
-                + size * motion[near, 2]
-            )
+            near = ring + max(node, first % count)
+            is_met = node >= first
+            across = sign * np.sqrt(max(squares[node], 0.0)) if is_met else 0.0
+            across = size * (across + motion[near, 0] + pushed[0])
+            deep = curve[node, 1] if is_met else middle
+            deep = longer * (deep + motion[near, 2])
             place = count + node if side else count - 1 - node
             lateral[place] = c * across - s * deep + unknown[unknowns.LATERAL]
             down[place] = s * across + c * deep + unknown[unknowns.DEPTH]

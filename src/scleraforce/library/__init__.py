@@ -13,6 +13,7 @@ Public:
         `fill_boundaries`, `highest_depths`, `section_motion`, `wall_boundaries`
     response_splines: `CubicSpline`, `SUPPORT`, `SplineTables`, `curves_at`,
         `node_before`, `state_weights`, `value_of`
+    ring_cut: `meet_rings`
     sealed_eye: `iop_ratio_at_dent`, `iop_ratio_under_force`, `level_growth`,
         `level_of`, `pressure_at_dent`, `pressure_of_level`
     wall_responses: `INNER`, `Library`, `OUTER`
