@@ -10,7 +10,6 @@ from scleraforce.fit import unknowns
 from scleraforce.fit.curve_placement import (
     PlacedCurves,
     PlacesOnFrame,
-    depths_along,
     place_curves,
 )
 from scleraforce.fit.one_frame import law_of
@@ -228,6 +227,26 @@ def _cut_side(
     lateral = np.where(beyond, np.sqrt(np.maximum(square, 0.0)), 0.0)
 
     return lateral, np.where(beyond, depth, middle), first
+
+
+def depths_along(
+    curve_sc: Floats, at: Floats
+) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+    """Interpolate a polyline without the parts that fold back; nothing is seen of one
+    that only folds back.
+    """
+    lateral, down = curve_sc.T
+    ahead = np.append(True, lateral[1:] > np.maximum.accumulate(lateral)[:-1])
+    lateral = lateral[ahead]
+    down = down[ahead]
+    if len(lateral) == 1:
+        still = np.zeros(at.shape)
+        return still + down[0], still, np.zeros(at.shape, dtype=np.bool_)
+
+    segment = np.clip(lateral.searchsorted(at) - 1, 0, len(lateral) - 2)
+    slope = np.diff(down)[segment] / np.diff(lateral)[segment]
+    depth = down[segment] + slope * (at - lateral[segment])
+    return depth, slope, (at >= lateral[0]) & (at <= lateral[-1])
 
 
 def smoothed(

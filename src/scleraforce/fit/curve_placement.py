@@ -1,11 +1,19 @@
 """Curves of a wall placed in a frame: shift and turn, and the depths beside it."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scleraforce.base.arrays import Flags, Floats
+from scleraforce.base.compiled_loops import compiled, compiled_in_place
+
+# places, weights
+GAUSS_HERMITE = (
+    np.array([-np.sqrt(3.0), 0.0, np.sqrt(3.0)]),
+    np.array([1.0, 4.0, 1.0]) / 6.0,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,35 +81,100 @@ def curve_depths(
     (boundary, sample, 2).
 
     Of a wall that folds back under itself, the part that comes first along the curve
-    counts: light sees that.
+    counts: light sees that. Of one that only folds back nothing is seen.
     """
-    parts = map(depths_along, curves_bsc, np.split(places.lateral_m, [places.outer]))
-    depth, slope, seen = (np.concatenate(pair) for pair in zip(*parts, strict=True))
+    lateral_m = np.ascontiguousarray(places.lateral_m, dtype=np.float64)
+    return _depths_of(np.ascontiguousarray(curves_bsc), lateral_m, places.outer)
+
+
+@compiled
+def _depths_of(
+    curves_bsc: Floats, lateral_m: Floats, outer: int
+) -> tuple[Floats, Floats, Flags]:
+    """Return depth, slope and whether it is reached, each (place,)."""
+    samples = curves_bsc.shape[1]
+    depth = np.empty(len(lateral_m))
+    slope = np.empty(len(lateral_m))
+    seen = np.empty(len(lateral_m), dtype=np.bool_)
+    steep = np.empty(samples)
+
+    for boundary in range(2):
+        lateral = curves_bsc[boundary, :, 0].copy()
+        down = curves_bsc[boundary, :, 1].copy()
+        length = without_folds(lateral, down, samples)
+        begin, end = (outer, len(lateral_m)) if boundary else (0, outer)
+        line = Polyline(lateral, down, steep)
+        read_depths(
+            line, length, lateral_m[begin:end], 0.0, depth[begin:end], slope[begin:end]
+        )
+        for place in range(begin, end):
+            seen[place] = (
+                length > 1 and lateral[0] <= lateral_m[place] <= lateral[length - 1]
+            )
+
     return depth, slope, seen
 
 
-def depths_along(curve_sc: Floats, at: Floats) -> tuple[Floats, Floats, Flags]:
-    """Interpolate a polyline without the parts that fold back; nothing is seen of one
-    that only folds back.
+class Polyline(NamedTuple):
+    """Points in a frame, lateral and down in m, and the slope from each to the next
+    (point,), which is workspace.
     """
-    lateral, down = curve_sc.T
-    if (lateral[1:] <= lateral[:-1]).any():
-        ahead = np.concatenate(
-            [[True], lateral[1:] > np.maximum.accumulate(lateral)[:-1]]
+
+    lateral: Floats
+    down: Floats
+    steep: Floats
+
+
+@compiled_in_place
+def without_folds(lateral: Floats, down: Floats, length: int) -> int:
+    """Move the points that lie ahead of all before to the front; return their
+    number.
+    """
+    kept = 1
+    for node in range(1, length):
+        if lateral[node] > lateral[kept - 1]:
+            lateral[kept] = lateral[node]
+            down[kept] = down[node]
+            kept += 1
+
+    return kept
+
+
+@compiled_in_place
+def read_depths(
+    line: Polyline,
+    length: int,
+    at_m: Floats,
+    smoothing_m: float,
+    depth_m: Floats,
+    slope: Floats,
+) -> None:
+    """Write depth and slope of the first points of a polyline at places (place,),
+    averaged by a Gaussian of a standard deviation.
+    """
+    lateral = line.lateral
+    down = line.down
+    steep = line.steep
+    depth_m[:] = down[0] if length == 1 else 0.0
+    slope[:] = 0.0
+
+    for segment in range(length - 1):
+        steep[segment] = (down[segment + 1] - down[segment]) / (
+            lateral[segment + 1] - lateral[segment]
         )
-        lateral = lateral[ahead]
-        down = down[ahead]
 
-        if len(lateral) == 1:
-            return (
-                np.full(at.shape, down[0]),
-                np.zeros(at.shape),
-                np.zeros(at.shape, dtype=np.bool_),
+    for point in range(3) if smoothing_m > 0.0 else range(1, 2):
+        weight = GAUSS_HERMITE[1][point] if smoothing_m > 0.0 else 1.0
+        segment = 0
+
+        for place in range(len(at_m) if length > 1 else 0):
+            along = at_m[place] + GAUSS_HERMITE[0][point] * smoothing_m
+            while segment > 0 and lateral[segment] >= along:
+                segment -= 1
+            while segment < length - 2 and lateral[segment + 1] < along:
+                segment += 1
+
+            depth_m[place] += weight * (
+                down[segment] + steep[segment] * (along - lateral[segment])
             )
-
-    segment = np.minimum(np.maximum(lateral.searchsorted(at) - 1, 0), len(lateral) - 2)
-    left = lateral[segment]
-    top = down[segment]
-    slope = (down[segment + 1] - top) / (lateral[segment + 1] - left)
-
-    return top + slope * (at - left), slope, (at >= lateral[0]) & (at <= lateral[-1])
+            slope[place] += weight * steep[segment]

@@ -23,13 +23,13 @@ from scleraforce.fit.compiled_search import (
     factorise,
     solve,
 )
+from scleraforce.fit.curve_placement import without_folds
 from scleraforce.fit.shown_wall import (
     cut_wall,
     find_curve,
     force_at,
     library_place,
     show_wall,
-    without_folds,
 )
 from scleraforce.library.response_splines import value_of
 from scleraforce.library.sealed_eye import level_of, pressure_at_dent

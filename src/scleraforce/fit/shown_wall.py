@@ -12,6 +12,7 @@ import numpy as np
 from scleraforce.base.arrays import Flags, Floats, Places
 from scleraforce.base.compiled_loops import compiled, compiled_in_place, compiled_part
 from scleraforce.fit import unknowns
+from scleraforce.fit.curve_placement import Polyline, read_depths, without_folds
 from scleraforce.library.moving_base import (
     UP,
     Vector,
@@ -34,11 +35,6 @@ from scleraforce.library.sealed_eye import level_growth, level_of
 shining = compiled_in_place(unknowns.shining)
 
 LEAST_COSINE = 1e-9
-# places, weights
-GAUSS_HERMITE = (
-    np.array([-np.sqrt(3.0), 0.0, np.sqrt(3.0)]),
-    np.array([1.0, 4.0, 1.0]) / 6.0,
-)
 # between the places of a section at which the base's effect is computed
 STATION_RAD = 0.04
 SPARE_M = 1.0e-3  # of a wall beyond the frame, at rest, and under the needle
@@ -334,21 +330,6 @@ def cut_wall(
 
 
 @compiled_in_place
-def without_folds(lateral: Floats, down: Floats, length: int) -> int:
-    """Move the points that lie ahead of all before to the front; return their
-    number.
-    """
-    kept = 1
-    for node in range(1, length):
-        if lateral[node] > lateral[kept - 1]:
-            lateral[kept] = lateral[node]
-            down[kept] = down[node]
-            kept += 1
-
-    return kept
-
-
-@compiled_in_place
 def _read_depths(
     scene: FitGeometry,
     boundary: int,
@@ -357,35 +338,18 @@ def _read_depths(
     depth_m: Floats,
     slope: Floats,
 ) -> None:
-    """Write depth and slope of a boundary's section at its places, under a Gaussian
-    (`curve_placement.curve_depths`).
+    """Write depth and slope of a boundary's section at its places, the outer one's
+    under a Gaussian.
     """
-    lateral = wall.lateral
-    down = wall.down
-    steep = wall.steep
     begin, end = (scene.outer, len(scene.at_m)) if boundary else (0, scene.outer)
-    depth_m[begin:end] = down[0] if length == 1 else 0.0
-    slope[begin:end] = 0.0
-
-    for segment in range(length - 1):
-        steep[segment] = (down[segment + 1] - down[segment]) / (
-            lateral[segment + 1] - lateral[segment]
-        )
-
-    smoothing_m = 0.0 if boundary else scene.smoothing_m
-    for point in range(3) if smoothing_m > 0.0 else range(1, 2):
-        weight = GAUSS_HERMITE[1][point] if smoothing_m > 0.0 else 1.0
-        segment = 0
-
-        for place in range(begin, end if length > 1 else begin):
-            along = scene.at_m[place] + GAUSS_HERMITE[0][point] * smoothing_m
-            while segment < length - 2 and lateral[segment + 1] < along:
-                segment += 1
-
-            depth_m[place] += weight * (
-                down[segment] + steep[segment] * (along - lateral[segment])
-            )
-            slope[place] += weight * steep[segment]
+    read_depths(
+        Polyline(wall.lateral, wall.down, wall.steep),
+        length,
+        scene.at_m[begin:end],
+        0.0 if boundary else scene.smoothing_m,
+        depth_m[begin:end],
+        slope[begin:end],
+    )
 
 
 @compiled_in_place
