@@ -463,6 +463,7 @@ def _calibrate_eye(
         relaxation=relaxation,
         lean_rad=one_lean(recording.info.needle.lean_rad),
         prior=declared(setup.eye.modulus, "modulus"),
+        declared_sd=started.fit.declared_sd,
     )
 
     if eye.status != "ok":
@@ -623,7 +624,7 @@ def _reread_records(
 
         estimate = modulus_after(read, after.setup, setup)
         if place == taken.places[-1]:
-            estimate = declared(after.setup.eye.modulus, "modulus")
+            estimate = own_modulus_and_globe(after.setup)[0]
         records[place] = replace(
             record, mean_pa=estimate.mean_pa, sd_pa=estimate.sd_pa, status=status
         )

@@ -4,7 +4,7 @@ and as its file.
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from math import exp, floor, isfinite, log10
+from math import exp, floor, hypot, isfinite, log10, sqrt
 from typing import Any
 
 import numpy as np
@@ -114,7 +114,8 @@ class EyeCalibration:
     read again (`calibration.stiffness_from_forces`); `without_force`: E is from the
     shape of the dents (`calibration.stiffness_from_shape`). The filter's `state`, from
     which the eye's next recording continues, its `steps`, for figures, and the `prior`
-    of E are missing if read from a file.
+    of E are missing if read from a file. `declared_sd`: relative standard deviation of
+    E by the errors of what is declared of the eye; forces do not feel it.
     """
 
     id: str
@@ -136,6 +137,7 @@ class EyeCalibration:
     steps: tuple[FrameStep, ...] = field(default=(), repr=False)
     filter: EyeFilter | None = field(default=None, repr=False)
     prior: Modulus | None = None
+    declared_sd: float = 0.0
 
     @property
     def used(self) -> tuple[FrameRecord, ...]:
@@ -148,9 +150,18 @@ class EyeCalibration:
         return self.means[self.names.index("youngs_modulus_pa")]
 
     @property
-    def sd_pa(self) -> float:
-        """Posterior standard deviation of Young's modulus."""
+    def effective_sd_pa(self) -> float:
+        """Standard deviation of the modulus with which the eye's forces are read, at
+        what is declared of it.
+        """
         return self.sds[self.names.index("youngs_modulus_pa")]
+
+    @property
+    def sd_pa(self) -> float:
+        """Standard deviation of Young's modulus, with the errors of what is declared of
+        the eye, for which `mean_pa` makes up.
+        """
+        return hypot(self.effective_sd_pa, self.declared_sd * self.mean_pa)
 
     @property
     def thickness_m(self) -> float:
@@ -449,6 +460,7 @@ def _eye_entry(eye: EyeCalibration) -> dict[str, Any]:
     return {
         "mean_mpa": from_si(eye.mean_pa, "mpa"),
         "sd_mpa": from_si(eye.sd_pa, "mpa"),
+        "effective_sd_mpa": from_si(eye.effective_sd_pa, "mpa"),
         "thickness_um": from_si(eye.thickness_m, "um"),
         "globe": calibration_file.globe_entry(eye.globe),
         "stiffening": eye.stiffening,
@@ -552,6 +564,7 @@ class _SavedEye:
     """The part of an entry of `eyes` that `calibration` reads beside its summary."""
 
     parameters: Mapping[str, _MeanAndSd]
+    sd_pa: float = not_negative("mpa", key="sd_mpa")
     recordings: tuple[_SavedRecording, ...]
     steps: tuple[FrameRecord, ...]
 
@@ -603,17 +616,20 @@ def _saved_eye(
         relaxation=eye.relaxation,
         lean_rad=eye.calibrated_lean_rad,
         appearance=summary.appearance,
+        declared_sd=sqrt(max(saved.sd_pa**2 - modulus.sd_pa**2, 0.0)) / modulus.mean_pa,
     )
     if not found.used or not found.recordings:
         raise CalibrationError(
             f"{place}.steps: no frame, or no recording, that was used; {WRITER}"
         )
     if not np.allclose(
-        (found.mean_pa, found.sd_pa), (modulus.mean_pa, modulus.sd_pa), rtol=1e-6
+        (found.mean_pa, found.effective_sd_pa),
+        (modulus.mean_pa, modulus.sd_pa),
+        rtol=1e-6,
     ):
         raise CalibrationError(
-            f"{place}.parameters.youngs_modulus_pa: is not that of mean_mpa and sd_mpa;"
-            f" {WRITER}"
+            f"{place}.parameters.youngs_modulus_pa: is not that of mean_mpa and"
+            f" effective_sd_mpa; {WRITER}"
         )
 
     return found

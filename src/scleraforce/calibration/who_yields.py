@@ -104,7 +104,9 @@ def _read(
         frames.recording.info.setup,
         eye=replace(
             frames.recording.info.setup.eye,
-            modulus=Modulus(mean_pa=eye.mean_pa, sd_pa=eye.sd_pa, source="own"),
+            modulus=Modulus(
+                mean_pa=eye.mean_pa, sd_pa=eye.effective_sd_pa, source="own"
+            ),
             globe=eye.globe,
             thickness_m=eye.thickness_m,
         ),

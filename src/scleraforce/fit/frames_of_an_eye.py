@@ -24,10 +24,10 @@ all frames share (`records.eye.ForceDiscrepancy`).
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import product
-from math import log
+from math import log, sqrt
 
 import numpy as np
 
@@ -72,6 +72,14 @@ _SHARED_SHAPE = tuple(
 COMPLIANCE, SHIFT, RIGIDITY, LEVEL, GROWTH = range(5)
 EXTRA_MEAN = np.array([log(1 / 60.0), 0.0, 1.0, 0.0, 0.0])
 EXTRA_SD = np.array([1.0, 1e-3, 1e-3, LEVEL_SCALE, GROWTH_SCALE])
+# what is declared of an eye: an error of it is the same in all frames
+_DECLARED = (
+    unknowns.GAP,
+    unknowns.THICKNESS,
+    unknowns.IOP,
+    unknowns.SIZE,
+    *range(unknowns.POLE.start, unknowns.POLE.stop),
+)
 LARGEST_DISCREPANCY = 3.0  # of level and growth
 TRAVEL_SD_M = 10e-6  # standard deviation of a travel
 TIP_SD = 0.01  # its share for the library's dent
@@ -146,7 +154,8 @@ class JointFit:
     are the unknowns of each frame in the order of `NAMES`. `noise` is that of the
     boundaries over their SDs, `resting_m` and `growing_m` are sizes of the discrepancy:
     of any dent, and of one of 2 mm. `cost` is that of boundaries and prior, `forces_n`
-    (frame,) are the frames' forces.
+    (frame,) are the frames' forces. `declared_sd`: standard deviation of ln E by the
+    errors of what is declared of the eye, where frames do not share these unknowns.
     """
 
     names: tuple[int, ...]
@@ -158,6 +167,7 @@ class JointFit:
     growing_m: float
     cost: float
     forces_n: Floats
+    declared_sd: float = 0.0
 
     def moments(self, name: int) -> tuple[float, float]:
         """Return mean and standard deviation of a shared unknown (`unknowns.NAMES`)."""
@@ -663,6 +673,26 @@ class _EyeProblem:
         """
         return self._eliminate(terms.normal, terms.gradient, 0.0)[0]
 
+    def declared_sd(self, terms: NormalEquations) -> float:
+        """Return the standard deviation of ln E by the errors of what is declared.
+
+        Of each, one standard deviation is moved in the priors of all frames; E follows
+        as the normal equations have it.
+        """
+        variance = 0.0
+        (modulus,) = self.places(unknowns.MODULUS)
+
+        for name in _DECLARED:
+            if name in self.own_names:
+                places = self.places(name)
+                pull = np.zeros(self.count)
+                pull[places] = 1.0 / self.sd[places]
+                left, _ = self._eliminate(terms.normal, pull, 0.0)
+                follows = covariance_of(left.normal) @ left.gradient
+                variance += float(follows[modulus]) ** 2
+
+        return sqrt(variance)
+
     def _eliminate(
         self, normal: Floats, gradient: Floats, damping: float
     ) -> tuple[NormalEquations, Floats]:
@@ -810,4 +840,6 @@ def fit_forces(
         gauss_newton(problem, starts[number], STOPPING, problem.arrow_step)
         for number in np.argsort(costs)[:STARTS].tolist()
     ]
-    return _joint_fit(problem, *min(ended, key=lambda each: each[2]))
+    unknown, terms, cost = min(ended, key=lambda each: each[2])
+    fit = _joint_fit(problem, unknown, terms, cost)
+    return replace(fit, declared_sd=problem.declared_sd(terms))

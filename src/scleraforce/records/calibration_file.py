@@ -95,7 +95,7 @@ def _read_eye(stated: Mapping[str, Any]) -> Eye:
         )
     modulus = Modulus(
         mean_pa=stated["mean_mpa"],
-        sd_pa=stated["sd_mpa"],
+        sd_pa=stated.get("effective_sd_mpa", stated["sd_mpa"]),
         source="shape" if stated.get("without_force") else "own",
     )
     return Eye(
@@ -118,6 +118,7 @@ _EYE_FORM = TableForm(
     {
         "mean_mpa": (float, _in_file(_MODULUS.low, _MODULUS.high, "mpa")),
         "sd_mpa": (float, _in_file(0.0, _MODULUS.high, "mpa")),
+        "effective_sd_mpa": (float, _in_file(0.0, _MODULUS.high, "mpa")),
         "thickness_um": (float, _in_file(_THICKNESS.low, _THICKNESS.high, "um")),
         "globe": (Globe, Unit()),
         "discrepancy": (ForceDiscrepancy | None, Unit()),
@@ -136,13 +137,14 @@ _EYE_FORM = TableForm(
 class CalibratedEye:
     """One eye of a calibration, and the frames that it rests on.
 
-    `eye` has the modulus, with its posterior's mean and standard deviation ("own", or
-    "shape" where it is from the shape of the dents alone), the wall's thickness as
-    calibrated, estimated along with E if asked for, the globe after the frames (open in
-    early files), and the discrepancy, stiffening and relaxation of its tissue (None and
-    0 with linear mechanics and in early files). Its `calibrated_lean_rad` is that of
-    the needle, where the forces were those along the wall's normal. `status` is "ok",
-    or says that the filter diverged: the standard deviation then means nothing.
+    `eye` has the modulus, with its posterior's mean and the standard deviation with
+    which forces are read ("own", or "shape" where it is from the shape of the dents
+    alone), the wall's thickness as calibrated, estimated along with E if asked for, the
+    globe after the frames (open in early files), and the discrepancy, stiffening and
+    relaxation of its tissue (None and 0 with linear mechanics and in early files). Its
+    `calibrated_lean_rad` is that of the needle, where the forces were those along the
+    wall's normal. `status` is "ok", or says that the calibration diverged: the standard
+    deviation then means nothing.
     `appearance`: what its frames show, None in early files.
     """
 
