@@ -26,7 +26,6 @@ from figures.printing import PATH, print_table, whole_number
 from figures.readings import CALIBRATED_FRAMES
 from figures.recordings import make_recordings, true_forces
 from scleraforce.base.worker_processes import available_cores
-from scleraforce.front.api.reading_frames import summary_of_calibration
 from scleraforce.lab.virtual_eye import eye_name
 from scleraforce.reading.reading_models import Reader
 from scleraforce.records.study import Study
@@ -59,16 +58,14 @@ def calibrate_eye(
     """Calibrate an eye and read its other frames; None if it diverged."""
     recording = folder.recording(eye)
     calibration = sf.calibrate([recording], frames=CALIBRATED_FRAMES)
-    found = summary_of_calibration(calibration).eyes[eye_name(eye.setup)]
-    if not found.usable:
+    found = calibration.eyes[eye_name(eye.setup)]
+    if found.status != "ok":
         return None
 
     frames = sf.evaluate(model, [recording], calibration).frames
-    modulus = found.eye.modulus
-    assert modulus is not None
     return CalibratedFigureEye(
-        float(np.log(modulus.mean_pa / eye.setup.eye.modulus_pa)),
-        modulus.sd_pa / modulus.mean_pa,
+        float(np.log(found.mean_pa / eye.setup.eye.modulus_pa)),
+        found.sd_pa / found.mean_pa,
         true_forces(folder, eye, (frame for frame in frames if frame.scored)),
     )
 
