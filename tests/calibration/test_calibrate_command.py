@@ -12,18 +12,27 @@ from virtual_eyes import wall_of
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    "method",
+    [
+        ["--mechanics", "linear"],
+        ["--method", "roukf"],
+        ["--method", "roukf", "--mechanics", "linear"],
+    ],
+)
 def test_it_writes_the_posterior_and_the_picture_and_prints_one_json_object(
     laboratory,
     virtual_folder,
     tmp_path,
     capsys,
     eye,
+    method: list[str],
 ):
     study = tmp_path / "study.toml"
     study.write_text(format_study(laboratory.study))
     out = tmp_path / "out.json"
     plot = tmp_path / "out.png"
-    options = ["--study", study, "--out", out, "--mechanics", "linear", "--plot", plot]
+    options = ["--study", study, "--out", out, *method, "--plot", plot]
     assert run(["calibrate", str(virtual_folder), *map(str, options), "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert printed.pop("notes") == []
@@ -95,6 +104,25 @@ def test_finite_strain_is_the_default_and_takes_the_cached_library_and_what_is_d
         (["--relaxation", "0.7:1,0.7:2"], "add up to less than 1"),
         (["--relaxation", "none", "--mechanics", "linear"], "linear mechanics knows"),
         (["--without-force", "--mechanics", "linear"], "finds E at finite strain"),
+        (
+            ["--without-force", "--method", "roukf"],
+            "error: --without-force: finds E at finite strain; leave out --method,"
+            " --mechanics and --parameters",
+        ),
+        (
+            ["--method", "roukf", "--mechanics", "finite-strain"],
+            "error: --method: roukf has linear mechanics, not finite-strain; leave out"
+            " --mechanics or --method",
+        ),
+        (
+            ["--method", "ours", "--mechanics", "linear"],
+            "error: --method: ours has finite-strain mechanics, not linear; leave out",
+        ),
+        (
+            ["--method", "roukf", "--parameters", "e,stiffening"],
+            "error: --parameters: linear mechanics knows no tissue that stiffens",
+        ),
+        (["--method", "roukf", "--relaxation", "none"], "linear mechanics knows"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_line(

@@ -90,6 +90,22 @@ def test_inputs_that_would_be_ignored_and_a_missing_model_are_refused(
     ("recordings", "given", "words"),
     [
         ("eye-a", {"mechanics": "soft"}, "mechanics: 'soft'"),
+        ("eye-a", {"estimator": "ekf"}, "`estimator`: 'ekf'; give ours or roukf"),
+        (
+            "eye-a",
+            {"estimator": "roukf", "mechanics": "finite-strain"},
+            "`estimator`: roukf has linear mechanics, not finite-strain",
+        ),
+        (
+            "eye-a",
+            {"estimator": "ours", "mechanics": "linear"},
+            "`estimator`: ours has finite-strain mechanics, not linear",
+        ),
+        (
+            "eye-a",
+            {"estimator": "roukf", "without_force": True},
+            "leave out `estimator`, `mechanics` and `parameters`",
+        ),
         ("eye-a", {"parameters": "e,iop"}, "parameters: 'e,iop'; give a list"),
         ("eye-a", {"parameters": ["iop"]}, "parameters"),
         ("eye-a", {"frames": 0}, "frames: 0"),

@@ -106,6 +106,24 @@ def test_a_value_that_is_stated_twice_is_refused_with_its_name(name: str) -> Non
 
 
 @pytest.mark.parametrize(
+    ("method", "mechanics"),
+    [
+        ({}, "finite-strain"),
+        ({"estimator": "ours"}, "finite-strain"),
+        ({"mechanics": "finite-strain"}, "finite-strain"),
+        ({"estimator": "ours", "mechanics": "finite-strain"}, "finite-strain"),
+        ({"estimator": "roukf"}, "linear"),
+        ({"mechanics": "linear"}, "linear"),
+        ({"estimator": "roukf", "mechanics": "linear"}, "linear"),
+    ],
+)
+def test_an_estimator_and_its_mechanics_imply_each_other(
+    method: dict[str, Any], mechanics: str
+) -> None:
+    assert sf.CalibrationMethod(**method).wall_mechanics == mechanics
+
+
+@pytest.mark.parametrize(
     ("ask", "name"),
     [
         (lambda: sf.calibrate("a", eye=OPEN_EYE, thickness_m=6e-4), "thickness_m"),

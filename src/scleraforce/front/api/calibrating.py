@@ -61,7 +61,10 @@ from scleraforce.records.study import Study, refuse_unused, study_hash
 if TYPE_CHECKING:
     from scleraforce.front.api.reading_frames import GivenCalibration
 
-MECHANICS = ("finite-strain", "linear")
+LINEAR = "linear"
+# each estimator with its mechanics of the wall
+ESTIMATORS = {"ours": "finite-strain", "roukf": LINEAR}
+MECHANICS = tuple(ESTIMATORS.values())
 PARAMETERS = ("e", "stiffening", "iop", "thickness", "gap")
 
 
@@ -70,7 +73,10 @@ class CalibrationMethod:
     """How a calibration finds its eyes.
 
     Attributes:
-        mechanics: "finite-strain" (from the library), or the paper's "linear".
+        estimator: "ours" fits all frames and their forces at once; "roukf", the
+            paper's filter, takes them one by one. None: that of the mechanics.
+        mechanics: "finite-strain" (from the library) of ours, "linear" of roukf. None:
+            that of the estimator; without one finite strain.
         parameters: the uncertain ones of "e", "stiffening", "iop", "thickness", "gap";
             "e" among them. None: e and the stiffening, with linear mechanics e.
         without_force: find E by the shape of the dents beside the stated IOP; no force
@@ -81,25 +87,26 @@ class CalibrationMethod:
             None: nothing checks them.
 
     Raises:
-        InputError: no such mechanics or parameters, or they do not go together.
+        InputError: no such estimator, mechanics or parameters, or they do not go
+            together.
 
     >>> import scleraforce as sf
     >>> sf.CalibrationMethod(parameters=["e", "thickness"]).sought
     ('e', 'thickness')
+    >>> sf.CalibrationMethod(estimator="roukf").wall_mechanics
+    'linear'
     """
 
-    mechanics: str = MECHANICS[0]
+    estimator: str | None = None
+    mechanics: str | None = None
     parameters: Sequence[str] | None = None
     without_force: bool = False
     prior: "GivenCalibration | None" = None
     wall_finder: str | PathLike[str] | None = model_folder.SHIPPED_WALL_FINDER
 
     def __post_init__(self) -> None:
-        mechanics = self.mechanics
+        self._check_mechanics()
         parameters = self.parameters
-        if mechanics not in MECHANICS:
-            raise InputError(f"mechanics: {mechanics!r}; give {' or '.join(MECHANICS)}")
-
         names = set(parameters or "e")
         if parameters is not None and (
             "e" not in names or names - set(PARAMETERS) or len(names) < len(parameters)
@@ -109,13 +116,37 @@ class CalibrationMethod:
                 f"parameters: {parameters!r}; give a list of 'e' and of others that are"
                 f" uncertain: {others}"
             )
-        if self.without_force and (mechanics == "linear" or parameters is not None):
+        is_linear = self.wall_mechanics == LINEAR
+        if self.without_force and (is_linear or parameters is not None):
             raise InputError(
-                "without_force: finds E at finite strain; leave out parameters and"
-                " mechanics"
+                "`without_force`: finds E at finite strain; leave out `estimator`,"
+                " `mechanics` and `parameters`"
             )
         if self.prior is not None and not self.without_force:
             raise InputError("`prior`: is the prior of without_force; leave it out")
+
+    def _check_mechanics(self) -> None:
+        """Raise an `InputError` if an estimator does not have the stated mechanics."""
+        estimator = self.estimator
+        mechanics = self.mechanics
+        if estimator is not None and estimator not in ESTIMATORS:
+            names = " or ".join(ESTIMATORS)
+            raise InputError(f"`estimator`: {estimator!r}; give {names}")
+        if mechanics is not None and mechanics not in MECHANICS:
+            names = " or ".join(MECHANICS)
+            raise InputError(f"mechanics: {mechanics!r}; give {names}")
+
+        own = self.wall_mechanics if estimator is None else ESTIMATORS[estimator]
+        if mechanics not in (None, own):
+            raise InputError(
+                f"`estimator`: {estimator} has {own} mechanics, not {mechanics}; leave"
+                " out `mechanics` or `estimator`"
+            )
+
+    @property
+    def wall_mechanics(self) -> str:
+        """The mechanics of the walls: as stated, else the estimator's."""
+        return self.mechanics or ESTIMATORS[self.estimator or "ours"]
 
     @property
     def sought(self) -> tuple[str, ...] | None:
@@ -126,7 +157,8 @@ class CalibrationMethod:
 class CalibrationShorthand(TypedDict, total=False):
     """Fields of a `CalibrationMethod`, and the thickness of an `Eye`."""
 
-    mechanics: str
+    estimator: str | None
+    mechanics: str | None
     parameters: Sequence[str] | None
     without_force: bool
     thickness_m: float | None
@@ -149,11 +181,11 @@ def calibrate(
     Args:
         recordings: one or more, opened or as folders, with force logs unless the method
             is `without_force`; recordings of one eye add up.
-        study: prior, filter and library; None: the paper's.
+        study: prior, library and filter; None: the paper's.
         frames: number of frames above 5 mN to take of each recording, of several planes
             moments; None: all. With `without_force`, the number of frames whose forces
             count as well; None: none.
-        method: mechanics, what is uncertain, and whether forces are used.
+        method: estimator, what is uncertain, and whether forces are used.
         eye: what is known of a single eye, in place of what its recordings state; None:
             the recordings'. Where neither states the relaxation, it is estimated from
             the holds of the logs.
@@ -162,8 +194,8 @@ def calibrate(
             the study would not read, and for each input that is missing, with what it
             costs; the calibration's `remarks` have them, too.
         progress: called with 1 after each frame.
-        short: `mechanics`, `parameters`, `without_force` in place of a method, and the
-            eye's `thickness_m`.
+        short: `estimator`, `mechanics`, `parameters`, `without_force` in place of a
+            method, and the eye's `thickness_m`.
 
     Returns:
         `eyes` by name, each with `mean_pa`, `sd_pa` and `status`, the mean and spread
@@ -185,10 +217,10 @@ def calibrate(
         eye, None, None, {"thickness_m": options.pop("thickness_m", None)}
     ).eye
     method = _method(method, options)
-    mechanics = method.mechanics
+    mechanics = method.wall_mechanics
     without_force = method.without_force
 
-    if eye.relaxation is not None and mechanics == "linear":
+    if eye.relaxation is not None and mechanics == LINEAR:
         raise InputError("relaxation: linear mechanics knows none; leave it out")
     if frames is not None and frames < 1:
         raise InputError(f"frames: {frames}; give at least 1")
@@ -206,7 +238,7 @@ def calibrate(
         raise InputError(f"study: tissue.stiffening: is sought in the frames; {way}")
 
     each = _of_eye(opened_recordings(recordings), eye)
-    kind = CLASSIFIER if mechanics == "linear" else READER
+    kind = CLASSIFIER if mechanics == LINEAR else READER
     of_inputs = list[Remark]()
 
     for recording in each:
@@ -219,7 +251,7 @@ def calibrate(
             )
 
         radius_m = info.eye.radius_m
-        if radius_m is not None and mechanics == "linear":
+        if radius_m is not None and mechanics == LINEAR:
             raise InputError(
                 f"{recording.path}: eye.radius_m: linear mechanics takes the study's;"
                 " leave it out"
@@ -310,7 +342,7 @@ def library_for(
     """Return the library for finite strain (linear: None), the bundled one or the
     cache's; counts "library".
     """
-    if mechanics == "linear":
+    if mechanics == LINEAR:
         return None
 
     plan = plan_library(study)

@@ -128,7 +128,11 @@ FLAGS: Final[Mapping[str, str]] = MappingProxyType(
 # By command: fields that another command has with another flag, or that are no fields
 # of others. They hold while the command runs.
 OF_COMMAND: Final[Mapping[str, Mapping[str, str]]] = {
-    "calibrate": {"model": "--intervals", "prior": "--calibration"},
+    "calibrate": {
+        "estimator": "--method",
+        "model": "--intervals",
+        "prior": "--calibration",
+    },
     "monitor": {"columns": "--columns"},
     "phantom": {"name": "--eye"},
     "reproduce": {"train": "--train"},

@@ -72,10 +72,19 @@ def _say_note(words: str) -> None:
     ),
 )
 @click.option(
+    "--method",
+    "estimator",
+    type=click.Choice(["ours", "roukf"]),
+    show_default="ours; linear mechanics: roukf",
+    help=(
+        "How E is found: by one fit of all frames and their forces, or by the paper's"
+        " filter, which has linear mechanics."
+    ),
+)
+@click.option(
     "--mechanics",
     type=click.Choice(["finite-strain", "linear"]),
-    default="finite-strain",
-    show_default=True,
+    show_default="finite-strain; roukf: linear",
     help="Mechanics of the wall; linear is the paper's.",
 )
 @click.option(
@@ -137,12 +146,13 @@ def calibrate(
 ) -> Report:
     """Estimate Young's modulus of each eye from its RECORDINGs.
 
-    A reduced-order unscented Kalman filter compares points on the wall's
-    boundaries with the simulated section's, frame by frame. The
-    population's modulus is the mean of the eyes' means. The stiffening of the
-    tissue is found by a search. Finite strain needs a response library; for
-    another study than the paper's it is computed once (a minute). Notes at the
-    start name the quantities that a reader of the study would ignore.
+    One fit lays simulated walls on all frames of an eye and compares their
+    forces with the log's: the frames share E and the rigidity of the globe.
+    The stiffening of the tissue is found by a search. The population's modulus
+    is the mean of the eyes' means. --method roukf is the paper's filter, frame
+    by frame, with linear mechanics. Finite strain needs a response library;
+    for another study than the paper's it is computed once (a minute). Notes at
+    the start name the quantities that a reader of the study would ignore.
 
     A force that falls in the holds of a log may be the tissue's doing or the
     needle's. Two frames of one hold decide; without them the intervals cover
