@@ -1,7 +1,7 @@
 """Young's modulus, frame by frame.
 
-The Kalman filter starts from a wide prior (0.49 ± 0.34 MPa); a few frames of known
-force suffice.
+The paper's Kalman filter, with linear mechanics, starts from a wide prior (0.49 ± 0.34
+MPa); a few frames of known force suffice.
 """
 
 import sys
@@ -31,7 +31,7 @@ def draw() -> Figure:
             youngs_modulus_pa=MODULUS_PA,
             forces_n=FORCES_N,
         )
-        calibration = sf.calibrate(recording, study, mechanics="linear")
+        calibration = sf.calibrate(recording, study, estimator="roukf")
 
     (eye,) = calibration.eyes.values()
     return draw_modulus_over_frames(eye, truth_pa=MODULUS_PA)

@@ -84,8 +84,8 @@ class ClassesStudy(StudySection):
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrationStudy(StudySection):
-    """The reduced-order unscented Kalman filter (paper sec. 2.2, 3.2);
-    `docs/calibration.md` explains each value.
+    """The prior of E, which frames count, and the paper's filter (sec. 2.2, 3.2);
+    `docs/calibration.md` explains each value, and who uses it.
     """
 
     prior_mean_pa: float = quantity(
