@@ -239,6 +239,17 @@ medial_azimuth_deg = 20.0
 eye_drift_deg = [2.0]
 eye_saccade_deg = [0.5]
 needle_count = 1
+[calibration]
+points = 20
+span_mm = 3.0
+sigma_points = "star"
+positive = false
+iterations = 1
+gate_sd = 4.0
+shift_sd_mm = 0.3
+turn_sd_deg = 0.4
+inner_sd_mm = 0.06
+model_error_percent = 2.0
 """
 EYE = Setup(
     eye=Eye("eye-x", thickness_m=800e-6, modulus=Modulus.stated(0.3e6), iop_pa=266.0),
