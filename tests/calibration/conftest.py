@@ -50,7 +50,7 @@ class Laboratory:
         """
         study = replace(STUDY, calibration=replace(STUDY.calibration, **changed))
         no_error = np.diag([1e-18, 1e-18])
-        return begin(study, self.stated(eye), None, zero_covariance=no_error)
+        return begin(study, self.stated(eye), zero_covariance=no_error)
 
     def stated(self, eye: Setup) -> Setup:
         plane = scan_plane(eye)

@@ -107,3 +107,20 @@ def test_belief_of_the_recordings_pose_narrows_to_the_motion_of_the_eye(
     )
     assert sd[rotation] < 0.004
     assert beliefs[-1].mean[rotation] == pytest.approx(0.01, abs=0.004)
+
+
+def test_a_session_starts_with_any_frame_and_its_earlier_values_stay_unchanged(
+    laboratory, eye
+):
+    ((seen, force_n),) = laboratory.frames(eye, [0.03], np.random.default_rng(0))
+    before = laboratory.begun(eye)
+    after, again = (step(before, seen, force_n) for _ in range(2))
+    assert (before.updates, before.last) == (0, None)
+    assert after.modulus == again.modulus
+    assert after.modulus.mean_pa == pytest.approx(
+        wall_of(eye).youngs_modulus_pa, rel=0.02
+    )
+    assert 0 < after.modulus.sd_pa < 0.02e6
+    empty = replace(seen, depth_m=np.full_like(seen.depth_m, np.nan))
+    assert step(after, empty, 0.001).state is after.state
+    assert step(after, empty, 0.03).modulus.mean_pa == after.modulus.mean_pa

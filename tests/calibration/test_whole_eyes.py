@@ -13,17 +13,11 @@ from analytic_frames import moving
 import scleraforce as sf
 from scleraforce.base.units import SI_PER_UNIT
 from scleraforce.calibration.calibrate import calibrate_recordings
-from scleraforce.calibration.calibration import EyeCalibration
-from scleraforce.calibration.filter.eye_filter import (
-    RIGIDITY,
-    EyeSession,
-    FrameStep,
-    begin,
-    known_globe_after,
-    step,
-)
+from scleraforce.calibration.calibration import RIGIDITY, EyeCalibration
 from scleraforce.calibration.filter.eye_parameters import stated_wall
-from scleraforce.calibration.filter.library_sections import library_eye
+from scleraforce.calibration.start_of_an_eye import ForceFrame
+from scleraforce.calibration.stiffness_from_forces import eye_of_forces
+from scleraforce.lab.training.library_sections import library_eye
 from scleraforce.lab.virtual_recording import (
     PhantomPlan,
     plan_phantom,
@@ -57,7 +51,6 @@ STUDY = replace(
         stiffenings=1,
     ),
 )
-SHARP = replace(STUDY, calibration=replace(STUDY.calibration, surface_smoothing_m=0.0))
 # the deepest that the library has of an eye is its highest force
 DENTS_M = 1e-3 * np.linspace(1.0, 2.2, 13)
 SHARES = (0.35, 0.7, 1.0)  # of that force
@@ -115,7 +108,7 @@ def frames(
     rng: np.random.Generator,
 ) -> list[Boundaries]:
     """Boundaries of frames of an eye that moves, from an ideal segmentation."""
-    model = library_eye(SHARP, eye, library)
+    model = library_eye(STUDY, eye, library)
     states = [
         stated_wall(eye, modulus_pa, force_n, wall_of(eye).polar_rad)
         for force_n in forces_n
@@ -126,24 +119,22 @@ def frames(
     return moving(sections, rng, NOISE_M)
 
 
-def after_frames(
+def known_after(
     library: Library,
     stated: Setup,
     forces_n: Sequence[float],
     made: Sequence[Boundaries],
-    status: str = "ok",
-) -> list[EyeSession]:
-    """An eye after each of its frames."""
-    session = begin(STUDY, stated, library, polar_sd_rad=0.1)
-    sessions = []
-
-    for force_n, boundaries in zip(forces_n, made, strict=True):
-        session = step(session, boundaries, force_n)
-        assert isinstance(session.last, FrameStep), session.last
-        assert session.last.result.status.startswith(status)
-        sessions.append(session)
-
-    return sessions
+) -> Eye:
+    """What frames of known force tell of an eye."""
+    seen = [
+        ForceFrame(wall=wall, force_n=force_n)
+        for wall, force_n in zip(made, forces_n, strict=True)
+    ]
+    trial = eye_of_forces(stated, seen, library, STUDY)
+    assert trial is not None
+    known, used = trial.found
+    assert (used, trial.refused) == (tuple(seen), 0)
+    return known.eye
 
 
 def calibrated(
@@ -156,13 +147,9 @@ def calibrated(
     forces_n = [share * highest_force_n(library, modulus_pa, eye) for share in SHARES]
     stated = changed(eye, polar_rad=0.61, globe=declared)
     made = frames(library, modulus_pa, eye, forces_n, rng)
-    found = after_frames(library, stated, forces_n, made)[-1]
-    off_pa = found.modulus.mean_pa - modulus_pa
-    return (
-        off_pa / modulus_pa,
-        known_globe_after(found.filter, found.state),
-        off_pa / found.modulus.sd_pa,
-    )
+    found = known_after(library, stated, forces_n, made)
+    off_pa = found.modulus_pa - modulus_pa
+    return off_pa / modulus_pa, found.globe, off_pa / found.modulus.sd_pa
 
 
 @pytest.mark.parametrize("number", [0, 4, 7])
@@ -192,7 +179,6 @@ def test_an_open_eye_is_found_open_without_being_declared(library, seed: int):
 def test_an_open_eye_under_pressure_is_not_taken_for_a_soft_sealed_one(
     library, way: int
 ):
-    """A search that began from a stiff globe led to 0.01 MPa in its first frame."""
     modulus_pa = 0.2217e6
     eye = Setup(
         eye=Eye(iop_pa=378.0, thickness_m=0.541e-3, globe=OPEN),
@@ -201,15 +187,11 @@ def test_an_open_eye_under_pressure_is_not_taken_for_a_soft_sealed_one(
     stated = changed(eye, polar_rad=0.61, globe=UNKNOWN)
     forces_n = [0.0106, 0.0232, 0.036][::way]
     made = frames(library, modulus_pa, eye, forces_n, np.random.default_rng(3))
-    sessions = after_frames(library, stated, forces_n, made, status="")
+    for frames_used in (1, 2, 3):
+        found = known_after(library, stated, forces_n[:frames_used], made[:frames_used])
+        assert found.modulus_pa == pytest.approx(modulus_pa, rel=0.1)
 
-    for session in sessions:
-        found_pa = session.last.registered.wall.youngs_modulus_pa
-        assert found_pa == pytest.approx(modulus_pa, rel=0.1)
-
-    assert way == -1 or sessions[-1].modulus.mean_pa == pytest.approx(
-        modulus_pa, rel=0.05
-    )
+    assert found.modulus_pa == pytest.approx(modulus_pa, rel=0.05)
 
 
 class SealedEye:
@@ -239,7 +221,7 @@ class SealedEye:
                 )
                 for force_n, rest_pa in zip(forces_n, rests_pa, strict=True)
             ]
-            curves = library_eye(SHARP, self.setup, self.library).curves(states)
+            curves = library_eye(STUDY, self.setup, self.library).curves(states)
             return [WallSection(*each) for each in curves]
 
         write_phantom(path, plan, sections, STUDY)

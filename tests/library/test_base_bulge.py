@@ -5,24 +5,16 @@ dimensions.
 import numpy as np
 import pytest
 from analytic_frames import middling_eye
-from analytic_library import RADIUS_M, analytic_library, bulging, with_walls
+from analytic_library import RADIUS_M, analytic_library, with_walls
 
 from predicted_walls import Walls, formed_wall
-from scleraforce.calibration.filter.eye_parameters import stated_wall
-from scleraforce.calibration.filter.library_sections import LibrarySections
 from scleraforce.fit.unknowns import GAP, LATERAL
 from scleraforce.library import Library
 from scleraforce.library.moving_base import SHEARED, pole_directions
 from scleraforce.mechanics.contact_and_section import Contact, ScanPlane
 from scleraforce.mechanics.graded_mesh import study_mesh
 from scleraforce.mechanics.linear_wall import LinearWall
-from scleraforce.records.eye import Eye
-from scleraforce.records.globe import OPEN
-from scleraforce.records.needle import Needle
-from scleraforce.records.scan import Scan
-from scleraforce.records.setup import Setup
 from scleraforce.records.study import MeshStudy, Study
-from virtual_eyes import wall_of
 
 THICKNESS_M = 0.6e-3
 
@@ -93,33 +85,6 @@ def depths(library: Library, unknown: np.ndarray, lateral: np.ndarray) -> np.nda
     )
 
 
-def calibrating(
-    direction_rad: float | None, lateral: np.ndarray
-) -> tuple[Library, np.ndarray]:
-    """A library, and the depths that a calibration sees (boundary, place)."""
-    setup = Setup(
-        eye=Eye(iop_pa=300.0, thickness_m=THICKNESS_M, globe=OPEN),
-        needle=Needle(gap_m=0.5e-3, polar_rad=0.6),
-        scan=Scan(direction_rad=direction_rad),
-    )
-    polar_rad = wall_of(setup).polar_rad
-    library = bulging(analytic_library()).within(0.9 * RADIUS_M).for_contact(polar_rad)
-    nowhere = np.zeros((1, 2, len(lateral), 3))
-    sections = LibrarySections(setup, library, lateral, (polar_rad,), nowhere)
-    wall = stated_wall(setup, 0.3e6, 1e-9, 0.6)
-    return library, sections.curves([wall])[0, :, :, 1]
-
-
-def test_calibration_and_fit_see_the_same_section():
-    lateral = np.arange(-6e-3, 6.01e-3, 0.1e-3)
-    library, theirs = calibrating(0.8, lateral)
-    along, across = pole_directions(0.6, 0.8)
-    leaning = eye(pole_along=along, pole_across=across)
-    np.testing.assert_allclose(depths(library, leaning, lateral), theirs, atol=3e-6)
-    upright = np.abs(depths(library, eye(), lateral) - theirs)
-    assert (upright.max(axis=1) > 10e-6).all()
-
-
 def test_the_fit_s_dent_is_pushed_along_the_section_and_across_it(
     library,
 ):
@@ -139,12 +104,3 @@ def test_the_fit_s_dent_is_pushed_along_the_section_and_across_it(
         depths(library, shifted, lateral),
         atol=2e-6,
     )
-
-
-@pytest.mark.parametrize(("direction", "even"), [(0.0, False), (None, True)])
-def test_where_no_direction_is_stated_a_calibration_sees_an_even_section(
-    direction: float | None, even: bool
-):
-    _, depth = calibrating(direction, np.linspace(-6e-3, 6e-3, 121))
-    uneven_m = np.abs(depth - depth[:, ::-1]).max()
-    assert uneven_m < 1e-12 if even else uneven_m > 5e-6

@@ -26,13 +26,14 @@ from small_models import write_fixed_reader
 
 import virtual_eyes
 from scleraforce.calibration.calibration import (
+    RIGIDITY,
     Calibration,
     EyeCalibration,
     FrameRecord,
     UsedRecording,
 )
 from scleraforce.calibration.evaluation import Evaluation, FrameAnswer
-from scleraforce.calibration.filter.eye_filter import begin
+from scleraforce.calibration.filter.eye_filter import PARAMETERS
 from scleraforce.calibration.stiffness_from_forces import KnownForce
 from scleraforce.front.report.frame_figures import AnsweredFrame, answered_frames
 from scleraforce.lab.training import slice_dataset
@@ -280,13 +281,6 @@ def calibration_of_a_sealed_eye() -> Calibration:
     """E 0.3 ± 0.01 MPa, thickness 651 ± 12 µm and k 0.0312 ± 0.0012 mmHg^(1/3)/µl;
     forces 13 % high.
     """
-    stated = Setup(
-        eye=Eye(iop_pa=IOP_PA, thickness_m=650e-6, globe=SEALED),
-        needle=Needle(gap_m=GAP_M, polar_rad=0.0),
-    )
-    begun = begin(Study(), stated, analytic_frames.LIBRARY, ("e", "thickness"))
-    posterior = begun.state.posterior._replace(updates=3)
-    state = replace(begun.state, posterior=posterior)
     force = KnownForce(
         force_n=0.015,
         library_n=0.014,
@@ -309,13 +303,12 @@ def calibration_of_a_sealed_eye() -> Calibration:
     )
     eye = EyeCalibration(
         id="mine",
-        names=begun.filter.space.names,
+        names=(PARAMETERS["e"], PARAMETERS["thickness"], RIGIDITY),
         means=(0.3e6, 651e-6, 1.04 * REFERENCE_RIGIDITY),
         sds=(1e4, 12e-6, 0.04 * REFERENCE_RIGIDITY),
         bounds_n=(0.005, 0.03),
         stated_thickness_m=650e-6,
         globe=SEALED,
-        state=state,
         recordings=(
             UsedRecording(path="mine", sha256="0" * 64, zero_n=0.0, drift_n_per_s=0.0),
         ),

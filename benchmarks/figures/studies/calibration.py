@@ -2,9 +2,9 @@
 
 Virtual eyes: sections of the deformed mesh, boundaries with the roughness of speckle (5
 um along the normal), eyes that shift by up to 0.2 mm between the frames, of 6 to 58 mN.
-The contact's angle is not known. Linear eyes are calibrated with the linear wall, bent
-ones (three-dimensional finite strain, half a minute each) with the response library of
-the user's cache.
+The contact's angle is not known. Linear eyes are calibrated by the filter with the
+linear wall, bent ones (three-dimensional finite strain, half a minute each) on all
+frames and forces at once with the response library of the user's cache.
 """
 
 from collections.abc import Iterator
@@ -23,14 +23,19 @@ from scleraforce.calibration.filter.eye_filter import (
     begin_with,
 )
 from scleraforce.calibration.filter.eye_parameters import polar_spread_rad
-from scleraforce.calibration.filter.library_sections import LibrarySections, library_eye
 from scleraforce.calibration.filter.linear_sections import LinearEye, linear_eye
+from scleraforce.calibration.start_of_an_eye import ForceFrame
+from scleraforce.calibration.stiffness_from_forces import (
+    eye_of_forces,
+    search_stiffening,
+)
 from scleraforce.lab.tissue_light import Pose
 from scleraforce.lab.virtual_eye import BentSections, SectionsAt
+from scleraforce.library import Library
 from scleraforce.library.library_store import cached_library
 from scleraforce.mechanics.hexahedral_mesh import build_mesh
 from scleraforce.mechanics.linear_wall import LinearWall
-from scleraforce.records.eye import Eye
+from scleraforce.records.eye import Eye, Modulus
 from scleraforce.records.globe import OPEN
 from scleraforce.records.needle import Needle
 from scleraforce.records.scan import Scan
@@ -109,20 +114,41 @@ def draw_frames(
         yield boundaries, force_n
 
 
-def calibrated(
-    study: Study,
-    model: LibrarySections | LinearEye,
-    frames: list[Frame],
-    true_pa: float,
+def filtered(
+    study: Study, model: LinearEye, frames: list[Frame], true_pa: float
 ) -> tuple[float, float]:
-    """Return error and standard deviation of E, both over the true one."""
+    """Return error and standard deviation of E after the filter, both over the true
+    one.
+    """
     session = begin_with(model, study.calibration, zero_covariance=NO_ZERO)
     for boundaries, force_n in frames:
         step = assimilate(session, boundaries, force_n)
         if isinstance(step, FrameStep):
             session = replace(session, state=step.state)
 
-    modulus = session.modulus
+    return compared(session.modulus, true_pa)
+
+
+def calibrated(
+    study: Study, setup: Setup, library: Library, frames: list[Frame], true_pa: float
+) -> tuple[float, float]:
+    """Return error and standard deviation of E from the problem of all frames and their
+    forces, both over the true one.
+    """
+    seen = [
+        ForceFrame(wall=boundaries, force_n=force_n) for boundaries, force_n in frames
+    ]
+    found = search_stiffening(
+        library, lambda of_tissue: eye_of_forces(setup, seen, of_tissue, study)
+    )
+    assert found is not None  # the library has these eyes
+    _, (known, _) = found
+    assert known.eye.modulus is not None
+    return compared(known.eye.modulus, true_pa)
+
+
+def compared(modulus: Modulus, true_pa: float) -> tuple[float, float]:
+    """Return error and standard deviation of a modulus, both over the true one."""
     return modulus.mean_pa / true_pa - 1.0, modulus.sd_pa / true_pa
 
 
@@ -142,7 +168,7 @@ def linear_moduli(study: Study, eyes: int, count: int) -> FoundModuli:
             rng,
             lambda forces_n: virtual_sections(wall, setup, forces_n, study),
         )
-        return calibrated(study, model, list(frames), setup.eye.modulus_pa)
+        return filtered(study, model, list(frames), setup.eye.modulus_pa)
 
     return found_moduli(map(found, range(eyes)))
 
@@ -156,11 +182,10 @@ def bent_moduli(study: Study, eyes: int, count: int) -> dict[int, FoundModuli]:
     for number in range(eyes):
         setup = bent_eye(number, rng)
         frames = list(draw_frames(study, count, rng, BentSections(setup, study)))
-        spread_rad = polar_spread_rad(Needle(), study)
-        model = library_eye(study, stated(study, setup), library, spread_rad)
+        known = stated(study, setup)
         for used, pairs in found.items():
             true_pa = setup.eye.modulus_pa
-            pairs.append(calibrated(study, model, frames[:used], true_pa))
+            pairs.append(calibrated(study, known, library, frames[:used], true_pa))
 
     return {used: found_moduli(pairs) for used, pairs in found.items()}
 

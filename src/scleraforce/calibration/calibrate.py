@@ -18,16 +18,13 @@ from scleraforce.base.errors import CalibrationError
 from scleraforce.base.normal_distribution import NINETY_PERCENT
 from scleraforce.base.units import from_si
 from scleraforce.calibration.calibration import (
+    RIGIDITY,
     Calibration,
     EyeCalibration,
     FrameRecord,
     rigidity_words,
 )
-from scleraforce.calibration.filter.eye_filter import (
-    PARAMETERS,
-    RIGIDITY,
-    SkippedFrame,
-)
+from scleraforce.calibration.filter.eye_filter import PARAMETERS, SkippedFrame
 from scleraforce.calibration.filtered_eye import filter_eye
 from scleraforce.calibration.holds_of_a_log import STEP_S
 from scleraforce.calibration.recording_to_calibrate import (

@@ -16,7 +16,6 @@ from scleraforce.base.units import HumanUnit, from_si
 from scleraforce.base.version import __version__
 from scleraforce.calibration.filter.eye_filter import (
     PARAMETERS,
-    RIGIDITY,
     EyeFilter,
     EyeState,
     FrameStep,
@@ -303,6 +302,8 @@ class Calibration:
         return tuple(eye for eye in eyes if eye.status == "ok") or eyes
 
 
+# name of the parameter of an eye that may be sealed, in calibration files too
+RIGIDITY = "rigidity_pa13_per_m3"
 # Parameter -> its name for people, its unit, and how that is printed.
 PRINTED: dict[str, tuple[str, HumanUnit, str]] = {
     "iop_pa": ("IOP", "mmhg", "mmHg"),

@@ -4,10 +4,7 @@ from dataclasses import replace
 
 from scleraforce.calibration.calibration import EyeCalibration, FrameRecord
 from scleraforce.calibration.filter import eye_filter
-from scleraforce.calibration.filter.eye_parameters import (
-    polar_spread_rad,
-    stated_globe,
-)
+from scleraforce.calibration.filter.eye_parameters import polar_spread_rad
 from scleraforce.calibration.filter.section_registration import first_belief
 from scleraforce.calibration.recording_to_calibrate import (
     calibration_remarks,
@@ -49,7 +46,7 @@ def filter_eye(
         included,
         study.calibration.min_force_n,
         settings.frames,
-        stated_globe(session.filter.model.setup).can_be_sealed,
+        rising=False,
     )
 
     for index in order:
@@ -104,7 +101,7 @@ def filter_eye(
         stated_thickness_m=declared(
             session.filter.model.setup.eye.thickness_m, "eye: thickness_m"
         ),
-        globe=eye_filter.known_globe_after(session.filter, session.state),
+        globe=OPEN,
         state=session.state,
         recordings=used_recordings(recording, forces, earlier, remarks),
         frames=tuple(records),
@@ -136,7 +133,6 @@ def _begin(
     session = eye_filter.begin(
         settings.study,
         setup,
-        None,
         settings.parameters,
         forces.zero_covariance,
         polar_sd_rad=polar_spread_rad(recording.info.needle, settings.study),

@@ -15,5 +15,5 @@ Public:
         `SHINE_SD_M`, `form_size`, `prior_of`
     unknowns: `DEPTH`, `FORM`, `FORMS`, `GAP`, `INNER_OFFSET`, `IOP`, `LATERAL`,
         `MODULUS`, `NAMES`, `ROTATION`, `SIZE`, `SOFT_M`, `THICKNESS`, `TIP`,
-        `form_depths`, `shining`
+        `shining`
 """

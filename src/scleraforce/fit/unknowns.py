@@ -10,7 +10,7 @@ thickening are 0, and the places of the limbus do not matter.
 import numpy as np
 
 from scleraforce.base.arrays import Floats, Number
-from scleraforce.base.compiled_loops import compiled, compiled_in_place
+from scleraforce.base.compiled_loops import compiled_in_place
 
 # Of each side, left and right: place of the limbus from the contact, m; the angle
 # there, rad, up below 0; the curvature beyond, 1/m. Then how the thickness grows along
@@ -63,15 +63,6 @@ def form_at(
         slope += side * (angle + curvature * ramp) * rise
 
     return depth, slope
-
-
-@compiled
-def form_depths(form: Floats, from_contact_m: Floats, is_inner: Floats) -> Floats:
-    """Return the contributions of a form (7,) to depths (place,), m (`form_at`)."""
-    depths = np.empty(len(from_contact_m))
-    for place in range(len(depths)):
-        depths[place], _ = form_at(form, from_contact_m[place], is_inner[place])
-    return depths
 
 
 # (unknown,): dent and pose in m and rad; logarithms of the eye's size over the

@@ -9,7 +9,7 @@ Public:
     library_store: `build_library`, `cached_library`, `open_library`, `solve_path`
     moving_base: `SHEARED`, `UP`, `Vector`, `bulge_at`, `find_meridian`,
         `pole_directions`, `push_of`, `section_places`, `turn_about`
-    plane_cut: `Framing`, `column_laterals`, `cut_rings`, `cut_surfaces`, `draw_slices`,
+    plane_cut: `Framing`, `column_laterals`, `cut_surfaces`, `draw_slices`,
         `fill_boundaries`, `highest_depths`, `section_motion`, `wall_boundaries`
     response_splines: `CubicSpline`, `SUPPORT`, `SplineTables`, `curves_at`,
         `node_before`, `state_weights`, `value_of`

@@ -34,20 +34,6 @@ PARTS = 4  # points of a section for each ring of the surface
 PARTS_MIDDLE = 12  # between X = 0 and the first ring that the plane meets
 
 
-def cut_rings(
-    curves: Reals, gap_m: Floats | float, tilt_rad: Floats | float
-) -> tuple[Floats, Floats]:
-    """Return X^2 (..., node), m^2, and Y (..., node), m, of the rings; X^2 is negative
-    where the plane misses one.
-
-    The curves are distance from the needle axis and depth of the rings (..., node, 2),
-    m; gap and tilt broadcast.
-    """
-    distance = curves[..., 0].astype(np.float64)
-    deep = curves[..., 1].astype(np.float64)
-    return distance**2 - (gap_m + deep * np.tan(tilt_rad)) ** 2, deep / np.cos(tilt_rad)
-
-
 @compiled_in_place
 def _find_section(
     curve: Floats,

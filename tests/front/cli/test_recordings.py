@@ -7,7 +7,9 @@ import re
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from analytic_frames import moving
 from analytic_library import analytic_library
 from small_recordings import looked_at_frames
 
@@ -15,6 +17,8 @@ import scleraforce as sf
 from scleraforce.base.units import to_si
 from scleraforce.calibration.filter.eye_filter import begin
 from scleraforce.calibration.filter.eye_parameters import WallState
+from scleraforce.calibration.start_of_an_eye import ForceFrame
+from scleraforce.calibration.stiffness_from_forces import eye_of_forces
 from scleraforce.lab.training.slice_dataset import (
     SampleSimulator,
     library_slices,
@@ -25,6 +29,7 @@ from scleraforce.lab.virtual_eye import simulate_eye, study_sections
 from scleraforce.lab.virtual_recording import draw_relaxation
 from scleraforce.library.library_plan import plan_library
 from scleraforce.library.library_store import solve_path
+from scleraforce.library.plane_cut import cut_surfaces
 from scleraforce.mechanics.contact_and_section import Contact
 from scleraforce.records.eye import Eye, Modulus
 from scleraforce.records.fields import field_key
@@ -293,13 +298,18 @@ def generate(study: Study) -> None:
 
 
 def calibrate_linear(study: Study) -> None:
-    begin(study, STATED, None).filter.model.curves([STATE])
+    begin(study, STATED).filter.model.curves([STATE])
 
 
 def calibrate(study: Study) -> None:
-    begin(
-        study, STATED, analytic_library().for_stiffening(study.tissue.stiffening)
-    ).filter.model.curves([STATE])
+    plan_library(study)
+    library = analytic_library().for_stiffening(study.tissue.stiffening)
+    ratios = np.array([[STATE.iop_pa], [STATE.force_n]]) / STATE.youngs_modulus_pa
+    walls = library.curves(np.array([STATE.thickness_m]), *ratios).curves_sbnc
+    section = cut_surfaces(walls[0], STATE.gap_m)
+    (wall,) = moving([section], np.random.default_rng(0), 3e-6)
+    frame = ForceFrame(wall=wall, force_n=STATE.force_n)
+    assert eye_of_forces(STATED, [frame], library, study) is not None
 
 
 def library(study: Study) -> None:

@@ -242,7 +242,7 @@ def test_tissue_stiffens_as_often_as_stated_and_other_eyes_stiffen_otherwise(
 ):
     # the base's motion takes 0.3 s an eye and decides no drawn or stated value
     monkeypatch.setattr(
-        "scleraforce.calibration.filter.library_sections.base_moves",
+        "scleraforce.lab.training.library_sections.base_moves",
         lambda *arguments: np.zeros((2, len(arguments[-1]), 3)),
     )
     library = made_up_library()

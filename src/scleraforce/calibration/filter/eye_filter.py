@@ -1,6 +1,8 @@
 """The filter of one eye, frame by frame: registration, observation, prediction,
 correction (paper sec. 3.2).
 
+Mechanics is linear, and knows no globe but an open one.
+
 `begin`, then `step` for each frame; every value is a new record, and the posterior can
 be read at any time. Frames of little force show where the eye lies but nothing of its
 modulus. All at once or one by one, the result is the same.
@@ -14,34 +16,27 @@ estimate is followed from step to step and added to the posterior in the end (Sc
 """
 
 from dataclasses import dataclass, replace
-from math import sqrt
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from scleraforce.base.arrays import Floats
-from scleraforce.base.normal_distribution import correlation_of, within_bounds
 from scleraforce.base.units import from_si
 from scleraforce.calibration.filter import section_registration, unscented_filter
 from scleraforce.calibration.filter.eye_parameters import (
     ParameterSpace,
-    stated_globe,
     stated_polar_rad,
     stated_wall,
-    with_modulus,
-)
-from scleraforce.calibration.filter.library_sections import (
-    LibrarySections,
-    library_eye,
-    without_form,
 )
 from scleraforce.fit.curve_placement import PlacesOnFrame, curve_depths
-from scleraforce.library import Library
 from scleraforce.recordings.force_errors import LABEL_SD_N, ZERO_PRIOR
 from scleraforce.records.eye import Modulus
-from scleraforce.records.globe import Globe
 from scleraforce.records.setup import Setup
 from scleraforce.records.study import CalibrationStudy, Study
 from scleraforce.wall.wall_in_metres import Boundaries, Observation, observe_points
+
+if TYPE_CHECKING:  # 7 ms: not for a program that only reads calibrations
+    from scleraforce.calibration.filter.linear_sections import LinearEye
 
 # Name on the command line -> name of the parameter.
 PARAMETERS = {
@@ -50,7 +45,6 @@ PARAMETERS = {
     "thickness": "thickness_m",
     "gap": "gap_m",
 }
-RIGIDITY = "rigidity_pa13_per_m3"  # comes after them, of an eye that may be sealed
 LEAST_POINTS = 3
 UNREACHED_SD_M = 1.0  # of a point that the model's section does not reach
 UNSEEN = "too little of the wall is in view"
@@ -69,7 +63,7 @@ class EyeFilter:
     filter.
     """
 
-    model: "section_registration.EyeModel"
+    model: "LinearEye"
     space: ParameterSpace
     params: unscented_filter.FilterParams
     study: CalibrationStudy
@@ -108,13 +102,11 @@ class SkippedFrame:
 
 
 def eye_filter(
-    model: "section_registration.EyeModel",
+    model: "LinearEye",
     study: CalibrationStudy,
     parameters: tuple[str, ...] = ("e",),
 ) -> EyeFilter:
-    """Set up the filter of an eye for parameters named as on the command line; a
-    rigidity is added by itself.
-    """
+    """Set up the filter of an eye for parameters named as on the command line."""
     if (
         not parameters
         or set(parameters) - set(PARAMETERS)
@@ -135,40 +127,24 @@ def eye_filter(
         "thickness": (stated.thickness_m, eye.thickness_sd_m or study.thickness_sd_m),
         "gap": (max(stated.gap_m, 1e-5), study.gap_sd_m),
     }
-    unknown = [
-        (PARAMETERS[name], *priors[name], study.positive, False) for name in parameters
-    ]
-
-    globe = stated_globe(model.setup)
-    if globe.can_be_sealed:
-        unknown.append((RIGIDITY, globe.mean, globe.sd, False, True))
-
-    names, *columns = zip(*unknown, strict=True)
-    points = unscented_filter.sigma_points(study.sigma_points, len(unknown))
+    means, sds = np.array([priors[name] for name in parameters]).T
+    space = ParameterSpace(
+        tuple(PARAMETERS[name] for name in parameters),
+        means,
+        sds,
+        np.full(len(parameters), study.positive),
+    )
+    points = unscented_filter.sigma_points(study.sigma_points, len(parameters))
     params = unscented_filter.FilterParams(
         points, study.iterations, gate=study.gate_sd, inflate=True
     )
 
-    return EyeFilter(
-        model, ParameterSpace(names, *map(np.array, columns)), params, study
-    )
+    return EyeFilter(model, space, params, study)
 
 
 def parameter_moments(eye: EyeFilter, state: EyeState) -> tuple[Floats, Floats]:
     """Return means and standard deviations of the parameters in SI, with the effect of
     the shared values.
-
-    If the filter has left the bounds of the rigidity, which it does not know, they are
-    those on the bound.
-    """
-    return eye.space.moments(*_within_bounds(eye, state))
-
-
-def _within_bounds(eye: EyeFilter, state: EyeState) -> tuple[Floats, Floats]:
-    """Return mean and covariance in the filter's coordinates, the mean given a rigidity
-    within its bounds.
-
-    The covariance is the filter's plus that of the shared values.
     """
     shared = np.diag(
         [
@@ -179,48 +155,11 @@ def _within_bounds(eye: EyeFilter, state: EyeState) -> tuple[Floats, Floats]:
         ]
     )
     shared[:2, :2] = state.zero_covariance
-    mean = state.posterior.mean
     covariance = (
         state.posterior.covariance + state.sensitivity @ shared @ state.sensitivity.T
     )
 
-    if RIGIDITY not in eye.space.names:
-        return mean, covariance
-
-    globe = stated_globe(eye.model.setup)
-    place = eye.space.names.index(RIGIDITY)
-    bounds = (globe.lowest / globe.mean, globe.highest / globe.mean)
-    return within_bounds(mean, covariance, place, bounds), covariance
-
-
-def known_globe_after(eye: EyeFilter, state: EyeState) -> Globe:
-    """Return the known globe after some frames, with its correlation with the
-    modulus.
-    """
-    globe = stated_globe(eye.model.setup)
-    if not globe.can_be_sealed:
-        return globe
-
-    mean, covariance = _within_bounds(eye, state)
-    rigidity, modulus = (
-        eye.space.names.index(name) for name in (RIGIDITY, PARAMETERS["e"])
-    )
-    sd = globe.mean * sqrt(covariance[rigidity, rigidity])
-    correlation = correlation_of(covariance, rigidity, modulus)
-    globe = replace(
-        globe, mean=globe.mean * float(mean[rigidity]), sd=sd, correlation=correlation
-    )
-
-    return replace(globe, calibrated=state.posterior.updates > 0)
-
-
-def rigidity_after(eye: EyeFilter, state: EyeState) -> float:
-    """Return the estimated rigidity of the globe, Pa^(1/3)/m^3: 0 for an open one."""
-    if RIGIDITY not in eye.space.names:
-        return stated_globe(eye.model.setup).mean
-    return float(
-        eye.space.values(state.posterior.mean)[eye.space.names.index(RIGIDITY)]
-    )
+    return eye.space.moments(state.posterior.mean, covariance)
 
 
 def assimilate(
@@ -229,8 +168,7 @@ def assimilate(
     force_n: float,
     since_start_s: float = 0.0,
 ) -> FrameStep | SkippedFrame:
-    """Assimilate one frame; it is skipped if it shows too little, or if the mechanics
-    does not hold.
+    """Assimilate one frame; it is skipped if it shows too little.
 
     A frame that the model cannot be evaluated for leaves the state unchanged, and
     `result.status` says why.
@@ -246,7 +184,7 @@ def assimilate(
     )
     modulus_pa = max(median_pa, 0.01 * eye.study.prior_mean_pa)
     fit = section_registration.register(
-        eye.model, boundaries, force_n, modulus_pa, prior, rigidity_after(eye, state)
+        eye.model, boundaries, force_n, modulus_pa, prior
     )
     contact_m = float(fit.nuisance[section_registration.BY_LATERAL])
     observation = observe_points(
@@ -273,21 +211,9 @@ def assimilate(
         + LABEL_SD_N**2 * np.outer(by_force, by_force)
         + eye.model.polar_sd_rad**2 * np.outer(by_polar, by_polar)
     )
-    start = _start(eye, state, fit)
     result = unscented_filter.filter_step(
-        eye.params, state.posterior, observe, observation.depth_m, noise, start=start
+        eye.params, state.posterior, observe, observation.depth_m, noise
     )
-    stated = stated_wall(
-        eye.model.setup, 1.0, force_n, stated_polar_rad(eye.model.setup)
-    )
-    values = eye.space.values(result.posterior.mean).tolist()
-
-    outside = eye.model.outside(
-        replace(stated, **dict(zip(eye.space.names, values, strict=True)))
-    )
-    if outside is not None:
-        return SkippedFrame(outside)
-
     sensitivity = state.sensitivity
     if result.observations:
         # x+ = x- + G (y - h(x-)): an error d of a shared value moves y by g d (`g`:
@@ -313,23 +239,6 @@ def predicted_points(eye: EyeFilter, step: FrameStep, modulus_pa: float) -> Floa
     return _depths(
         eye, coordinates[None], step.force_n, step.registered.nuisance, places
     )[0]
-
-
-def _start(
-    eye: EyeFilter, state: EyeState, fit: section_registration.Registered
-) -> Floats | None:
-    """Return a frame's own fit in the filter's coordinates (p,); None: E alone is found
-    from anywhere.
-    """
-    if RIGIDITY not in eye.space.names:
-        return None
-
-    start = _with_modulus(eye, state.posterior.mean, fit.wall.youngs_modulus_pa)
-    start[eye.space.names.index(RIGIDITY)] = (
-        fit.wall.rigidity_pa13_per_m3 / stated_globe(eye.model.setup).mean
-    )
-
-    return start
 
 
 def _with_modulus(eye: EyeFilter, coordinates: Floats, modulus_pa: float) -> Floats:
@@ -373,15 +282,13 @@ class EyeSession:
     first.
 
     `zero_covariance` (2, 2) is that of the force sensor's zero and its drift, which all
-    frames share. `poses` are the beliefs after the first frames of little force, if
-    sessions of the same eye with walls of other tissue share them.
+    frames share.
     """
 
     filter: EyeFilter
     state: EyeState
     zero_covariance: Floats
     last: FrameStep | SkippedFrame | None = None
-    poses: dict[Boundaries, section_registration.PoseBelief] | None = None
 
     @property
     def modulus(self) -> Modulus:
@@ -401,39 +308,29 @@ class EyeSession:
 def begin(
     study: Study,
     setup: Setup,
-    library: Library | None,
     parameters: tuple[str, ...] = ("e",),
     zero_covariance: Floats = ZERO_PRIOR,
-    poses: dict[Boundaries, section_registration.PoseBelief] | None = None,
     *,
     polar_sd_rad: float = 0.0,
 ) -> EyeSession:
-    """Return an eye before its first frame, with a library one of finite strain; raises
-    `CalibrationError`.
+    """Return an eye before its first frame; raises `CalibrationError`.
 
     The setup has IOP, thickness, gap and polar angle; the latter is uncertain by
-    `polar_sd_rad`, 0 if it is stated. `poses` are shared by sessions of the same eye
-    and the same frames, in one order, with walls of other tissue.
+    `polar_sd_rad`, 0 if it is stated. The globe counts as open.
     """
-    if library is None:
-        # 7 ms: not for eyes of a library
-        from scleraforce.calibration.filter.linear_sections import linear_eye
+    # 7 ms: not for a program that only reads calibrations
+    from scleraforce.calibration.filter.linear_sections import linear_eye
 
-        model: section_registration.EyeModel = linear_eye(
-            study, setup, "thickness" in parameters, polar_sd_rad
-        )
-    else:
-        model = library_eye(study, setup, library, polar_sd_rad)
+    model = linear_eye(study, setup, "thickness" in parameters, polar_sd_rad)
 
-    return begin_with(model, study.calibration, parameters, zero_covariance, poses)
+    return begin_with(model, study.calibration, parameters, zero_covariance)
 
 
 def begin_with(
-    model: "section_registration.EyeModel",
+    model: "LinearEye",
     study: CalibrationStudy,
     parameters: tuple[str, ...] = ("e",),
     zero_covariance: Floats = ZERO_PRIOR,
-    poses: dict[Boundaries, section_registration.PoseBelief] | None = None,
 ) -> EyeSession:
     """Return an eye of a model before its first frame."""
     eye = eye_filter(model, study, parameters)
@@ -443,7 +340,7 @@ def begin_with(
         prior, belief, np.zeros((len(prior.mean), len(SHARED))), ZERO_PRIOR
     )
 
-    return EyeSession(eye, state, zero_covariance, poses=poses)
+    return EyeSession(eye, state, zero_covariance)
 
 
 def step(
@@ -457,16 +354,6 @@ def step(
     """
     eye = session.filter
     state = session.state
-    seen = boundaries
-
-    known = (
-        session.poses.get(seen)
-        if session.poses and force_n <= eye.study.min_force_n
-        else None
-    )
-    if isinstance(eye.model, LibrarySections) and known is None:
-        boundaries = without_form(eye.model, boundaries, eye.study)
-
     if force_n > eye.study.min_force_n:
         found = assimilate(session, boundaries, force_n, since_start_s)
         return replace(
@@ -475,46 +362,21 @@ def step(
             last=found,
         )
 
-    if known is not None:
-        state = replace(state, belief=known)
-    elif np.isfinite(boundaries.depth_m).sum() >= LEAST_POINTS:
+    if np.isfinite(boundaries.depth_m).sum() >= LEAST_POINTS:
         prior = section_registration.frame_prior(state.belief, eye.study)
-        here = (eye.model, boundaries, max(force_n, 0.0), session.modulus.mean_pa)
-        fit = section_registration.register(*here, prior, rigidity_after(eye, state))
+        fit = section_registration.register(
+            eye.model,
+            boundaries,
+            max(force_n, 0.0),
+            session.modulus.mean_pa,
+            prior,
+        )
         state = replace(
             state, belief=section_registration.updated_belief(state.belief, prior, fit)
         )
-
-        if session.poses is not None and not session.updates:
-            session.poses[seen] = state.belief
 
     reason = (
         f"at most {from_si(eye.study.min_force_n, 'mn'):g} mN: used as a reference of"
         " the pose"
     )
     return replace(session, state=state, last=SkippedFrame(reason))
-
-
-def known_after(session: EyeSession) -> Setup:
-    """Return the setup after its frames; without a modulus if its last one
-    diverged.
-    """
-    setup = session.filter.model.setup
-    diverged = (
-        isinstance(session.last, FrameStep) and session.last.result.status != "ok"
-    )
-    if diverged or not session.updates:
-        return with_modulus(setup, None)
-
-    names = session.filter.space.names
-    means = parameter_moments(session.filter, session.state)[0]
-    thickness_m = dict(zip(names, means.tolist(), strict=True)).get(
-        PARAMETERS["thickness"], setup.eye.thickness_m
-    )
-    eye = replace(
-        setup.eye,
-        modulus=session.modulus,
-        thickness_m=thickness_m,
-        globe=known_globe_after(session.filter, session.state),
-    )
-    return replace(setup, eye=eye)

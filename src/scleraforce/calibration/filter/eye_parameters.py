@@ -28,12 +28,10 @@ class ParameterSpace:
     """The uncertain parameters of a filter: their names, means and standard deviations
     of their priors (p,), SI.
 
-    Some are `lognormal` (p,), some may be of `either_sign` (p,); of the others only
-    positive values exist.
+    Some are `lognormal` (p,); of the others, too, only positive values exist.
 
-    >>> yes, no = np.array([True]), np.array([False])
     >>> mean, sd = np.array([0.49e6]), np.array([0.34e6])
-    >>> space = ParameterSpace(("youngs_modulus_pa",), mean, sd, yes, no)
+    >>> space = ParameterSpace(("youngs_modulus_pa",), mean, sd, np.array([True]))
     >>> [round(float(v[0])) for v in space.moments(*space.prior())]
     [490000, 340000]
     """
@@ -42,16 +40,12 @@ class ParameterSpace:
     means: Floats
     sds: Floats
     lognormal: Flags
-    either_sign: Flags
 
     def __post_init__(self) -> None:
-        if not (
-            (self.sds > 0) & (self.means != 0) & ((self.means > 0) | ~self.lognormal)
-        ).all():
-            wanted = "means that are not zero and positive standard deviations"
+        if not ((self.sds > 0) & (self.means > 0)).all():
             raise ValueError(
-                f"{', '.join(self.names)}: priors need {wanted}, not {self.means} and"
-                f" {self.sds}"
+                f"{', '.join(self.names)}: priors need positive means and standard"
+                f" deviations, not {self.means} and {self.sds}"
             )
 
     def prior(self) -> tuple[Floats, Floats]:
@@ -79,9 +73,7 @@ class ParameterSpace:
 
     def exist(self, values: Floats) -> Flags:
         """Return True for each row of values (..., p), SI, that an eye can have."""
-        return np.asarray(
-            (np.isfinite(values) & ((values > 0) | self.either_sign)).all(axis=-1)
-        )
+        return np.asarray((np.isfinite(values) & (values > 0)).all(axis=-1))
 
     def moments(self, mean: Floats, covariance: Floats) -> tuple[Floats, Floats]:
         """Return means (p,) and standard deviations (p,) in SI of coordinates with the
@@ -95,7 +87,7 @@ class ParameterSpace:
         means = np.where(self.lognormal, lognormal_mean, mean)
         sds = np.where(self.lognormal, lognormal_sd, np.sqrt(variance))
 
-        return means * self.means, sds * np.abs(self.means)
+        return means * self.means, sds * self.means
 
 
 def mean_and_sd(values: Sequence[float]) -> tuple[float, float | None]:
@@ -124,14 +116,10 @@ class WallState:
 
 
 def stated_wall(
-    setup: Setup,
-    youngs_modulus_pa: float,
-    force_n: float,
-    polar_rad: float,
-    rigidity_pa13_per_m3: float | None = None,
+    setup: Setup, youngs_modulus_pa: float, force_n: float, polar_rad: float
 ) -> WallState:
-    """Return the state of the eye as stated; the rigidity is by default the mean of the
-    known globe's. Raises `InputError` where IOP, thickness or gap is not declared.
+    """Return the state of the eye as stated; the rigidity is the mean of the known
+    globe's. Raises `InputError` where IOP, thickness or gap is not declared.
     """
     return WallState(
         youngs_modulus_pa=youngs_modulus_pa,
@@ -140,11 +128,7 @@ def stated_wall(
         thickness_m=declared(setup.eye.thickness_m, "eye: thickness_m"),
         gap_m=declared(setup.needle.gap_m, "needle: gap_m"),
         polar_rad=polar_rad,
-        rigidity_pa13_per_m3=(
-            stated_globe(setup).mean
-            if rigidity_pa13_per_m3 is None
-            else rigidity_pa13_per_m3
-        ),
+        rigidity_pa13_per_m3=stated_globe(setup).mean,
     )
 
 

@@ -199,10 +199,6 @@ class LinearEye:
         )
         return np.concatenate(list(each))
 
-    def outside(self, state: WallState) -> str | None:  # noqa: ARG002
-        """Return None: linear mechanics has an answer to every load."""
-        return None
-
     def _fields_at(self, polar_rad: float, thickness_m: float) -> Floats:
         """Return the fields (field, boundary, line, sample, axis) for a polar angle and
         a thickness.

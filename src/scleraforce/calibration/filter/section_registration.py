@@ -17,38 +17,29 @@ from scleraforce.base import normal_distribution
 from scleraforce.base.arrays import Floats
 from scleraforce.calibration.filter.eye_parameters import (
     WallState,
-    stated_globe,
     stated_polar_rad,
     stated_wall,
 )
-from scleraforce.calibration.filter.library_sections import LibrarySections
 from scleraforce.fit import curve_placement, least_squares
-from scleraforce.records.globe import REFERENCE_RIGIDITY
 from scleraforce.records.study import CalibrationStudy
 from scleraforce.wall.wall_in_metres import Boundaries
 
-if TYPE_CHECKING:  # 7 ms: not for eyes of a library
+if TYPE_CHECKING:  # 7 ms: not for a program that only reads calibrations
     from scleraforce.calibration.filter.linear_sections import LinearEye
-
-    EyeModel = LibrarySections | LinearEye
 
 # What a frame depends on beside the eye: the pose, the contact's polar angle, and an
 # offset of the inner boundary (the segmentation's, or a wall that is not as thick as
 # stated).
 NUISANCES = ("lateral_m", "depth_m", "rotation_rad", "polar_rad", "inner_m")
 BY_LATERAL, BY_DEPTH, BY_ROTATION, BY_POLAR, BY_INNER = range(5)
-# Come after the nuisances among the unknowns of a frame: ln E, and the globe's rigidity
-# over `REFERENCE_RIGIDITY`.
-LOG_MODULUS = 5
-RELATIVE_RIGIDITY = 6
+LOG_MODULUS = 5  # ln E, which comes after the nuisances among a frame's unknowns
 
 MODULUS_STEP = 0.01
-RIGIDITY_STEP = 0.02
 FORCE_STEP_N = 1e-4
 
 
 def parameter_sections(
-    model: "EyeModel",
+    model: "LinearEye",
     names: Sequence[str],
     values_rp: Floats,
     force_n: float,
@@ -74,7 +65,7 @@ def place_section(curves: Floats, nuisance: Floats) -> Floats:
 
 
 def polar_derivative(
-    model: "EyeModel",
+    model: "LinearEye",
     state: WallState,
     nuisance: Floats,
     places: curve_placement.PlacesOnFrame,
@@ -96,7 +87,7 @@ def polar_derivative(
 
 
 def _growth(
-    model: "EyeModel",
+    model: "LinearEye",
     ends: Sequence[WallState],
     nuisance: Floats,
     places: curve_placement.PlacesOnFrame,
@@ -110,24 +101,20 @@ def _growth(
 
 
 def predict_frame(
-    model: "EyeModel",
+    model: "LinearEye",
     state: WallState,
     nuisance: Floats,
     places: curve_placement.PlacesOnFrame,
 ) -> curve_placement.PlacedCurves:
-    """Return the prediction at places; derivatives by the `NUISANCES`, ln E and the
-    relative rigidity, (place, 7).
+    """Return the prediction at places; derivatives by the `NUISANCES` and ln E, (place,
+    6).
     """
     states = [
         state,
         replace(state, youngs_modulus_pa=state.youngs_modulus_pa * (1 + MODULUS_STEP)),
     ]
-    if stated_globe(model.setup).can_be_sealed:
-        stiffer_globe = state.rigidity_pa13_per_m3 + RIGIDITY_STEP * REFERENCE_RIGIDITY
-        states.append(replace(state, rigidity_pa13_per_m3=stiffer_globe))
-
     curves = place_section(model.curves(states), nuisance)
-    (depth, slope, seen), stiffer, *sealed = (
+    (depth, slope, seen), stiffer = (
         curve_placement.curve_depths(curve, places) for curve in curves
     )
     by_pose = curve_placement.pose_derivatives(
@@ -136,12 +123,7 @@ def predict_frame(
     # held while a frame is fitted, see `polar_derivative`
     by_polar = np.zeros_like(depth)
     by_modulus = (stiffer[0] - depth) / MODULUS_STEP
-    by_rigidity = (
-        (sealed[0][0] - depth) / RIGIDITY_STEP if sealed else np.zeros_like(depth)
-    )
-    jacobian = np.stack(
-        [*by_pose, by_polar, places.is_inner, by_modulus, by_rigidity], axis=1
-    )
+    jacobian = np.stack([*by_pose, by_polar, places.is_inner, by_modulus], axis=1)
 
     return curve_placement.PlacedCurves(
         depth + nuisance[BY_INNER] * places.is_inner, slope, jacobian, seen
@@ -149,7 +131,7 @@ def predict_frame(
 
 
 def force_derivative(
-    model: "EyeModel",
+    model: "LinearEye",
     state: WallState,
     nuisance: Floats,
     places: curve_placement.PlacesOnFrame,
@@ -178,11 +160,6 @@ STOPPING = least_squares.StoppingRule(
 )
 START_LATERAL_M = np.linspace(-2.5e-3, 2.5e-3, 11)
 START_MODULUS = (0.15, 0.3, 0.6, 1.0, 2.0)  # of the modulus that is given
-# starts for the globe's rigidity, as shares of its range, beside the given rigidity
-START_RIGIDITY = (
-    0.0,
-    0.2,
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +175,7 @@ class PoseBelief:
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Registered:
     """A frame's fit: nuisances (5,), their covariance (5, 5), and the wall, of the
-    frame's own modulus and rigidity.
+    frame's own modulus.
     """
 
     nuisance: Floats
@@ -206,7 +183,7 @@ class Registered:
     wall: WallState
 
 
-def first_belief(model: "EyeModel") -> PoseBelief:
+def first_belief(model: "LinearEye") -> PoseBelief:
     """Return the belief before the first frame: a wide one of the pose."""
     mean = np.zeros(5)
     mean[BY_POLAR] = stated_polar_rad(model.setup)
@@ -241,19 +218,16 @@ def updated_belief(
 
 
 def register(
-    model: "EyeModel",
+    model: "LinearEye",
     boundaries: Boundaries,
     force_n: float,
     modulus_pa: float,
     prior: PoseBelief,
-    rigidity: float,
 ) -> Registered:
-    """Fit pose and modulus to a frame by a damped Gauss-Newton method on Cauchy's loss;
-    the rigidity is SI.
+    """Fit pose and modulus to a frame by a damped Gauss-Newton method on Cauchy's
+    loss.
     """
-    sought = stated_wall(
-        model.setup, modulus_pa, force_n, float(prior.mean[BY_POLAR]), rigidity
-    )
+    sought = stated_wall(model.setup, modulus_pa, force_n, float(prior.mean[BY_POLAR]))
     fit = _SectionProblem(model, _thinned(boundaries), sought, prior)
     unknown, placed, _ = least_squares.gauss_newton(fit, fit.start(), STOPPING)
     return fit.result(unknown, placed)
@@ -279,13 +253,12 @@ def _thinned(boundaries: Boundaries) -> least_squares.WallColumns:
 class _SectionProblem:
     """The least-squares problem of one frame; certain values stay fixed.
 
-    Unknown (7,): the nuisances, ln E, and the globe's rigidity over the reference,
-    which is fixed in an open one.
+    Unknown (6,): the nuisances and ln E.
     """
 
     def __init__(
         self,
-        model: "EyeModel",
+        model: "LinearEye",
         columns: least_squares.WallColumns,
         sought: WallState,
         prior: PoseBelief,
@@ -293,31 +266,17 @@ class _SectionProblem:
         self.model = model
         self.columns = columns
         self.sought = sought
-        globe = stated_globe(model.setup)
-        own = [
-            log(sought.youngs_modulus_pa),
-            sought.rigidity_pa13_per_m3 / REFERENCE_RIGIDITY,
-        ]
-        self.mean = np.append(prior.mean, own)
-        self.free = np.append(
-            np.diag(prior.covariance) > 0, [True, globe.can_be_sealed]
-        )
-        covariance = np.zeros((7, 7))
+        self.mean = np.append(prior.mean, log(sought.youngs_modulus_pa))
+        self.free = np.append(np.diag(prior.covariance) > 0, True)
+        covariance = np.zeros((6, 6))
         covariance[:5, :5] = prior.covariance
         covariance[LOG_MODULUS, LOG_MODULUS] = LOG_MODULUS_SD**2
-        covariance[RELATIVE_RIGIDITY, RELATIVE_RIGIDITY] = (
-            globe.sd / REFERENCE_RIGIDITY
-        ) ** 2
         self.precision = self._inverse(covariance)
         self.wide = covariance[BY_LATERAL, BY_LATERAL] > (0.5e-3) ** 2
-        self.rigidity_ends = (
-            globe.lowest / REFERENCE_RIGIDITY,
-            globe.highest / REFERENCE_RIGIDITY,
-        )
 
     def _inverse(self, matrix: Floats) -> Floats:
-        """Return the inverse (7, 7) of the part of free unknowns; 0 elsewhere."""
-        inverse = np.zeros((7, 7))
+        """Return the inverse (6, 6) of the part of free unknowns; 0 elsewhere."""
+        inverse = np.zeros((6, 6))
         free = np.ix_(self.free, self.free)
         inverse[free] = np.linalg.inv(matrix[free])
         return inverse
@@ -330,22 +289,11 @@ class _SectionProblem:
             return self.mean.copy()
 
         moduli = np.log(START_MODULUS) + self.mean[LOG_MODULUS]
-        low, high = self.rigidity_ends
-        # From a stiff globe an open eye is not found.
-        ratios = {
-            float(self.mean[RELATIVE_RIGIDITY]),
-            *(low + share * (high - low) for share in START_RIGIDITY),
-        }
-        begun = [
-            (float(log_modulus), rigidity)
-            for rigidity in sorted(ratios)
-            for log_modulus in moduli
-        ]
-        curves = self.model.curves([self._state(*own) for own in begun])
+        curves = self.model.curves([self._state(log_modulus) for log_modulus in moduli])
         best = np.inf
         unknown = self.mean.copy()
 
-        for own, curve in zip(begun, curves, strict=True):
+        for log_modulus, curve in zip(moduli, curves, strict=True):
             for lateral in START_LATERAL_M:
                 nuisance = self.mean[:5].copy()
                 nuisance[BY_LATERAL] = lateral
@@ -359,22 +307,18 @@ class _SectionProblem:
                 if cost < best:
                     nuisance[BY_DEPTH] += shift
                     best = cost
-                    unknown = np.append(nuisance, own)
+                    unknown = np.append(nuisance, log_modulus)
 
         return unknown
 
-    def _state(self, log_modulus: float, rigidity: float) -> WallState:
-        modulus_pa = float(np.exp(log_modulus))
-        k = REFERENCE_RIGIDITY * float(rigidity)
-        return replace(
-            self.sought, youngs_modulus_pa=modulus_pa, rigidity_pa13_per_m3=k
-        )
+    def _state(self, log_modulus: float) -> WallState:
+        return replace(self.sought, youngs_modulus_pa=float(np.exp(log_modulus)))
 
     def evaluate(self, unknown: Floats) -> tuple[curve_placement.PlacedCurves, float]:
         """Return the prediction and the cost."""
         placed = predict_frame(
             self.model,
-            self._state(*unknown[LOG_MODULUS:]),
+            self._state(unknown[LOG_MODULUS]),
             unknown[:5],
             self.columns.places,
         )
@@ -385,7 +329,7 @@ class _SectionProblem:
     def normal_equations(
         self, unknown: Floats, placed: curve_placement.PlacedCurves
     ) -> tuple[Floats, Floats]:
-        """Return the normal matrix (7, 7) and the gradient (7,); fixed unknowns do not
+        """Return the normal matrix (6, 6) and the gradient (6,); fixed unknowns do not
         move.
         """
         normal, gradient = self.columns.normal_equations(self._movable(placed))
@@ -394,12 +338,7 @@ class _SectionProblem:
         return normal, gradient - self.precision @ (unknown - self.mean)
 
     def inside(self, unknown: Floats) -> Floats:
-        """Keep the rigidity within its bounds; a section continues smoothly beyond the
-        mechanics.
-        """
-        unknown[RELATIVE_RIGIDITY] = np.clip(
-            unknown[RELATIVE_RIGIDITY], *self.rigidity_ends
-        )
+        """Return the unknowns as they are: linear mechanics has no bounds."""
         return unknown
 
     def _movable(
@@ -416,7 +355,7 @@ class _SectionProblem:
         scale = max(1.0, normal_distribution.robust_spread(size)) if len(size) else 1.0
         data, _ = self.columns.normal_equations(self._movable(placed), scale)
         covariance = self._inverse(data + self.precision)
-        wall = self._state(*unknown[LOG_MODULUS:])
+        wall = self._state(unknown[LOG_MODULUS])
 
         return Registered(
             nuisance=unknown[:5].copy(), covariance=covariance[:5, :5], wall=wall

@@ -90,8 +90,6 @@ WINDOW = 5  # updates over which the innovations are watched for divergence
 DIVERGENCE_PROBABILITY = 1e-6  # of a false alarm in one window, were the model right
 # misses below are a noise that was underestimated; `inflate` sees to them
 DIVERGED_SD = 3.0
-# sampling distance about a given state, in the prior's standard deviations
-NEAR_START = 0.1
 LARGEST_GATED_SHARE = 0.3  # of outliers; with more, the model does not fit the frame
 
 
@@ -170,15 +168,12 @@ def filter_step(
     observe: Operator,
     observation: Floats,
     noise_covariance: Floats,
-    start: Floats | None = None,
 ) -> StepResult:
     """Assimilate an observation y (m,) with the noise covariance W (m, m); a step that
     fails keeps the posterior.
 
     `observe` is H: it takes sigma points (r, n) and returns predicted observations (r,
-    m). `start` is a state (n,) from where the iteration may begin. If that explains
-    prior and observation better than the prior's mean does, it begins there: from a
-    wide prior about a bent valley it may not find the way.
+    m).
     """
     observed = np.asarray(observation, dtype=np.float64)
     factor = posterior.factor @ np.linalg.cholesky(np.linalg.inv(posterior.precision))
@@ -194,11 +189,9 @@ def filter_step(
             status="diverged: the model cannot be evaluated at the sigma points"
         )
 
-    frame = _CorrectionInput(
-        prior, observe, first_rm, observed, noise_covariance, np.zeros(p), np.eye(p)
-    )
+    frame = _CorrectionInput(prior, observe, first_rm, observed, noise_covariance)
     try:
-        return _step(params, frame if start is None else _from(params, frame, start))
+        return _step(params, frame)
     except np.linalg.LinAlgError:
         return failed._replace(
             status=(
@@ -216,35 +209,6 @@ class _CorrectionInput(NamedTuple):
     first_rm: Floats  # observations predicted at the sigma points
     observed: Floats
     noise: Floats
-    centre: (
-        Floats  # where the linearisation begins, in the coordinates v of x = mean + L v
-    )
-    root: Floats  # of the covariance of v there
-
-
-def _from(
-    params: FilterParams, frame: _CorrectionInput, start: Floats
-) -> _CorrectionInput:
-    """Return the frame with its linearisation begun at a state, if that explains prior
-    and observation better.
-    """
-    prior = frame.prior
-    points = params.sigma.points_rp
-    centre = _solve(prior.factor, start - prior.mean)
-    rest = frame.observed - frame.observe(np.stack([prior.mean, start]))
-
-    misfit = np.einsum("rm,mr->r", rest, _solve(frame.noise, rest.T))
-    if not np.isfinite(misfit).all() or misfit[1] + centre @ centre >= misfit[0]:
-        return frame
-
-    root = NEAR_START * np.eye(len(centre))
-    predicted_rm = frame.observe(
-        prior.mean + (centre + points @ root.T) @ prior.factor.T
-    )
-    if not np.isfinite(predicted_rm).all():
-        return frame
-
-    return frame._replace(first_rm=predicted_rm, centre=centre, root=root)
 
 
 def _step(params: FilterParams, frame: _CorrectionInput) -> StepResult:
@@ -306,8 +270,9 @@ def _linearise(params: FilterParams, frame: _CorrectionInput, kept: Flags) -> _G
     """Linearise the observation about the (iterated) posterior."""
     points = params.sigma.points_rp
     prior = frame.prior
-    centre = frame.centre
-    root = frame.root
+    # in the coordinates v of x = mean + L v, whose prior is N(0, 1)
+    centre = np.zeros(points.shape[1])
+    root = np.eye(points.shape[1])
     linear = _regress(params.sigma, frame.first_rm, centre, root, frame.noise)
 
     for iteration in range(1, params.iterations):

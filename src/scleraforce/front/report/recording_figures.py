@@ -21,7 +21,6 @@ from scleraforce.calibration.filter.eye_filter import (
     EyeFilter,
     FrameStep,
     predicted_points,
-    rigidity_after,
 )
 from scleraforce.calibration.filter.eye_parameters import stated_wall
 from scleraforce.calibration.filter.section_registration import BY_POLAR, place_section
@@ -406,9 +405,8 @@ def _draw_points(
     depth_m = predicted_points(eye, step, modulus_pa)
     model = eye.model
     polar_rad = float(step.registered.nuisance[BY_POLAR])
-    rigidity = rigidity_after(eye, step.state)
     curves = model.curves(
-        [stated_wall(model.setup, modulus_pa, step.force_n, polar_rad, rigidity)]
+        [stated_wall(model.setup, modulus_pa, step.force_n, polar_rad)]
     )[0]
 
     for curve in place_section(curves, step.registered.nuisance):

@@ -31,15 +31,13 @@ from scleraforce.calibration.filter.eye_parameters import (
     WallState,
     stated_wall,
 )
-from scleraforce.calibration.filter.library_sections import LibrarySections, library_eye
-from scleraforce.calibration.filter.section_registration import place_section
 from scleraforce.calibration.start_of_an_eye import ForceFrame
 from scleraforce.calibration.stiffness_from_forces import (
     TissueTrial,
     eye_of_forces,
     search_stiffening,
 )
-from scleraforce.fit.curve_placement import PlacesOnFrame, curve_depths
+from scleraforce.fit.curve_placement import PlacesOnFrame, curve_depths, place_curves
 from scleraforce.fit.one_frame import fit_boundaries
 from scleraforce.fit.prior_of_an_eye import prior_of
 from scleraforce.lab.training.drawn_wall_errors import (
@@ -48,6 +46,7 @@ from scleraforce.lab.training.drawn_wall_errors import (
     disturb,
     draw_forms,
 )
+from scleraforce.lab.training.library_sections import LibrarySections, library_eye
 from scleraforce.lab.training.reader_samples import library_of_tissue, log_even
 from scleraforce.library import Library
 from scleraforce.library.plane_cut import column_laterals, fill_boundaries
@@ -136,11 +135,7 @@ def draw_eye(
         needle=Needle(gap_m=gap_m, polar_rad=polar_rad),
         scan=Scan(direction_rad=direction_rad),
     )
-    # `disturb` smooths
-    sharp = replace(
-        study, calibration=replace(study.calibration, surface_smoothing_m=0.0)
-    )
-    model = library_eye(sharp, true, library)
+    model = library_eye(study, true, library)
     wall = stated_wall(true, modulus_pa, 0.0, polar_rad)
     fractions = (
         reader.iop_noise_fraction,
@@ -198,9 +193,7 @@ def draw_frames(
     )
     lateral_m = draw(reader.lateral_m, rng)
     depth_m = draw(reader.surface_depth_m, rng)
-    pose = np.array(
-        [lateral_m, depth_m, rng.uniform(-ROTATION_RAD, ROTATION_RAD), 0.0, 0.0]
-    )
+    pose = np.array([lateral_m, depth_m, rng.uniform(-ROTATION_RAD, ROTATION_RAD)])
     pixel_m = study.slice.pixel_m / FINER
     fine = replace(
         study.slice,
@@ -210,8 +203,7 @@ def draw_frames(
     )
     columns_m = column_laterals(fine)
     poses = (
-        pose + np.array([*rng.uniform(-SHIFT_M, SHIFT_M, 2), 0.0, 0.0, 0.0])
-        for _ in forces_n
+        pose + np.array([*rng.uniform(-SHIFT_M, SHIFT_M, 2), 0.0]) for _ in forces_n
     )
     seen_sbc = wall_depths(eye, forces_n, poses, columns_m)
     seen_sbc = disturb(seen_sbc, fine, rng, scale=reader.interval_boundary_errors)
@@ -241,7 +233,7 @@ def wall_depths(
     NaN beyond the wall.
 
     Forces are (frame,), columns lateral places from the frame's middle; each frame has
-    a pose (`place_section`).
+    a pose (3,): lateral and depth, m, and rotation, rad (`place_curves`).
     """
     effective_n = forces_n / (1.0 + eye.drift * (forces_n / eye.largest_n - 0.5))
     states = [replace(eye.wall, force_n=float(force_n)) for force_n in effective_n]
@@ -254,7 +246,7 @@ def wall_depths(
     for depths, curves, pose in zip(
         depth_sbc, eye.model.curves(states), poses, strict=True
     ):
-        depth, _, reached = curve_depths(place_section(curves, pose), both)
+        depth, _, reached = curve_depths(place_curves(curves, *pose.tolist()), both)
         form = added_depths(eye.forms, radius_m, (columns_m - pose[0])[None])[0]
         depths[:] = np.where(reached, depth, np.nan).reshape(2, -1) + form
 

@@ -424,10 +424,7 @@ def _frames(
     reader = study.reader
     window = FrameWindow.of(study.raw_reader)
     framing = reader.lateral_m, reader.surface_depth_m, reader.rotation_rad
-    poses = (
-        np.array([*(draw(values, rng) for values in framing), 0.0, 0.0])
-        for _ in forces_n
-    )
+    poses = (np.array([draw(values, rng) for values in framing]) for _ in forces_n)
     depth_sbc = interval_measurement.wall_depths(
         eye, forces_n, poses, window.laterals_m
     )

@@ -1,4 +1,4 @@
-"""An eye of finite strain: its sections from the response library
+"""Sections of a virtual eye of finite strain, from the response library
 (`library.wall_responses`).
 
 The library holds walls of revolution about the needle axis, so sections have a closed
@@ -12,8 +12,8 @@ is a gap that is not the stated one, which costs E 3 to 7 %.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from dataclasses import dataclass
+from functools import cached_property
 from math import cos, sin
 
 import numpy as np
@@ -21,27 +21,21 @@ import numpy as np
 from scleraforce.base.arrays import Floats
 from scleraforce.base.errors import CalibrationError, InputError
 from scleraforce.base.units import from_si
-from scleraforce.calibration.filter import eye_parameters
-from scleraforce.fit.one_frame import NO_WALL_M, fit_boundaries
-from scleraforce.fit.prior_of_an_eye import form_size, prior_of
-from scleraforce.fit.unknowns import FORM, form_depths
+from scleraforce.calibration.filter.eye_parameters import (
+    WallState,
+    stated_globe,
+    stated_polar_rad,
+)
 from scleraforce.library import Library
 from scleraforce.library.moving_base import pole_directions, section_places
-from scleraforce.library.plane_cut import cut_rings
 from scleraforce.library.response_splines import CubicSpline
 from scleraforce.library.sealed_eye import iop_ratio_under_force
-from scleraforce.records.eye import Modulus
 from scleraforce.records.fields import declared
 from scleraforce.records.globe import Globe
 from scleraforce.records.setup import Setup
-from scleraforce.records.study import CalibrationStudy, ReaderStudy, Study
-from scleraforce.wall.wall_in_metres import Boundaries
-
-# in the cache: an eye has one to three, the same for all tissues that are tried
-SHIFTS = 8
+from scleraforce.records.study import Study
 
 
-@lru_cache(maxsize=SHIFTS)
 def _shift(
     radius_m: float,
     thickness_m: float,
@@ -78,9 +72,8 @@ def base_moves(
     """Return the motion of the wall for F/E = 1 m^2 (boundary, place, [lateral, across,
     depth]), m: 0.3 s, once an eye.
 
-    Gap and thickness are the stated ones, also if they are uncertain: the motion is
-    small. It does not grow beyond a polar angle of 55 degrees. At a polar angle of 0,
-    or without a stated direction (the mean), nothing moves.
+    It does not grow beyond a polar angle of 55 degrees. At a polar angle of 0, or
+    without a stated direction (the mean), nothing moves.
     """
     direction_rad = setup.scan.direction_rad
     if polar_rad == 0.0 or direction_rad is None:
@@ -134,6 +127,7 @@ def _displacement(
 
 
 REACH = 0.72  # of the radius: how far the section reaches to either side of the contact
+SAMPLE_STEP_M = 0.1e-3  # between the places of a section
 # along the wall, between points that a section is interpolated between
 FINE_STEP_M = 0.05e-3
 HIGHEST = 0.999  # of the library's highest pressure: what rises so far is outside
@@ -145,41 +139,29 @@ END_SHARE = 0.97
 class LibrarySections:
     """An eye whose sections come from a library.
 
-    `lateral_m` (sample,): places of the section. `moves_pbxc`: `base_moves` at each of
-    the polar angles `polar_nodes_rad`. `smoothing_m`: standard deviation of the
-    Gaussian by which a segmentation smooths the outer curve. `polar_sd_rad`: of the
-    polar angle, 0 if it is stated.
+    `lateral_m` (sample,): places of the section. `moves_bxc`: its `base_moves` at the
+    stated polar angle.
     """
 
     setup: Setup
     library: Library
     lateral_m: Floats
-    polar_nodes_rad: tuple[float, ...]
-    moves_pbxc: Floats
-    smoothing_m: float = 0.0
-    polar_sd_rad: float = 0.0
+    moves_bxc: Floats
 
     @property
     def globe(self) -> Globe:
         """The globe as far as it is stated."""
-        return eye_parameters.stated_globe(self.setup)
+        return stated_globe(self.setup)
 
-    @cached_property
-    def stated_thickness_m(self) -> float:
-        """The stated thickness."""
-        return declared(self.setup.eye.thickness_m, "eye: thickness_m")
-
-    def curves(self, states: Sequence[eye_parameters.WallState]) -> Floats:
-        """Return the sections as a segmentation sees them, (state, boundary, sample, 2)
-        in m: lateral and depth.
+    def curves(self, states: Sequence[WallState]) -> Floats:
+        """Return the sections (state, boundary, sample, 2) in m: lateral and depth.
 
         Beyond the library (a modulus too low for the force) the section continues along
         the slope by ln(F/E) at the end; pressure and thickness are held at the
         library's ends.
         """
         thickness, pressure, force = self._ratios(states)
-        polar = np.array([state.polar_rad for state in states])
-        moved = self._moved(thickness, pressure, force, polar)
+        moved = self._moved(thickness, pressure, force)
         gap_m = np.array([state.gap_m for state in states])
         depth = section_depths(
             self._walls(thickness, pressure, force),
@@ -189,17 +171,10 @@ class LibrarySections:
             self.lateral_m,
             moved,
         )
-        curves = np.stack(
-            [np.broadcast_to(self.lateral_m, depth.shape), depth], axis=-1
-        )
-        curves[:, 0] = eye_parameters.smoothed_curves(curves[:, 0], self.smoothing_m)
+        return np.stack([np.broadcast_to(self.lateral_m, depth.shape), depth], axis=-1)
 
-        return curves
-
-    def outside(self, state: eye_parameters.WallState) -> str | None:
-        """Return why an estimate must not rest on a state, None if the library reaches
-        it.
-        """
+    def outside(self, state: WallState) -> str | None:
+        """Return why the library does not reach a state, None if it does."""
         thickness, pressure, force = self._ratios([state])
         try:
             self.library.tips(thickness, pressure, force)
@@ -214,9 +189,7 @@ class LibrarySections:
 
         return None
 
-    def _ratios(
-        self, states: Sequence[eye_parameters.WallState]
-    ) -> tuple[Floats, Floats, Floats]:
+    def _ratios(self, states: Sequence[WallState]) -> tuple[Floats, Floats, Floats]:
         """Return thickness, the pressure under the needle over E and F/E of states,
         each (state,).
         """
@@ -242,9 +215,7 @@ class LibrarySections:
         )
         return held, np.clip(pressure, *self.library.iop_ratio_ends(held))
 
-    def _moved(
-        self, thickness: Floats, pressure: Floats, force: Floats, polar: Floats
-    ) -> Floats:
+    def _moved(self, thickness: Floats, pressure: Floats, force: Floats) -> Floats:
         """Return the motion of sections by the base's nearness (state, boundary, place,
         3), m.
 
@@ -252,19 +223,16 @@ class LibrarySections:
         """
         direction_rad = self.setup.scan.direction_rad
         if direction_rad is None:
-            return np.zeros((len(polar), *self.moves_pbxc.shape[1:]))
+            return np.zeros((len(force), *self.moves_bxc.shape))
 
-        shares_sp = np.array(
-            [eye_parameters.lagrange(self.polar_nodes_rad, at) for at in polar.tolist()]
-        )
-        pole_s2 = pole_directions(polar, direction_rad)
+        pole = pole_directions(stated_polar_rad(self.setup), direction_rad)
         bulged = self.library.base_bulge(
-            *self._held(thickness, pressure), self._places, pole_s2
+            *self._held(thickness, pressure),
+            self._places,
+            np.broadcast_to(pole, (len(force), 2)),
         )
 
-        return bulged + np.einsum(
-            "sp,pbxc->sbxc", shares_sp * force[:, None], self.moves_pbxc
-        )
+        return bulged + force[:, None, None, None] * self.moves_bxc
 
     def _walls(self, thickness: Floats, pressure: Floats, force: Floats) -> Floats:
         """Return the library's curves (state, boundary, node, 2), continued beyond its
@@ -274,13 +242,6 @@ class LibrarySections:
         thickness, pressure = self._held(thickness, pressure)
 
         force = np.maximum(force, 0.0)
-        if (
-            thickness == self.stated_thickness_m
-        ).all() and force.max() <= self._reached_force_ratio:
-            return library.curves(thickness, pressure, force).curves_sbnc.astype(
-                np.float64
-            )
-
         largest = library.largest_force_ratio(thickness, pressure)
         beyond = np.flatnonzero(force > largest)
         excess = np.log(force[beyond] / largest[beyond])
@@ -299,24 +260,13 @@ class LibrarySections:
         return curves
 
     @cached_property
-    def _reached_force_ratio(self) -> float:
-        """F/E that the stated wall carries at every pressure of the library, m^2."""
-        pressure = (
-            self.library.tension * self.stated_thickness_m / self.library.radius_m
-        )
-        thickness = np.full(len(pressure), self.stated_thickness_m)
-
-        return (1 - 1e-6) * float(
-            self.library.largest_force_ratio(thickness, pressure).min()
-        )
-
-    @cached_property
     def _places(self) -> Floats:
         """Unit vectors to the section's places at rest (boundary, place, 3), as
         `library.moving_base` takes them.
         """
         gap_m = declared(self.setup.needle.gap_m, "needle: gap_m")
-        radii = self.library.radius_m - np.array([[0.0], [self.stated_thickness_m]])
+        thickness_m = declared(self.setup.eye.thickness_m, "eye: thickness_m")
+        radii = self.library.radius_m - np.array([[0.0], [thickness_m]])
         return section_places(self.lateral_m / radii, gap_m / radii)
 
     @cached_property
@@ -331,9 +281,7 @@ class LibrarySections:
         return CubicSpline(along).shares(fine)
 
 
-def library_eye(
-    study: Study, setup: Setup, library: Library, polar_sd_rad: float = 0.0
-) -> LibrarySections:
+def library_eye(study: Study, setup: Setup, library: Library) -> LibrarySections:
     """Return the model of an eye; raises `CalibrationError`."""
     mine = (
         study.eye.radius_m,
@@ -360,24 +308,24 @@ def library_eye(
             f" {from_si(thickest, 'um'):.0f} µm"
         )
 
-    side = np.arange(0.0, REACH * library.radius_m, eye_parameters.SAMPLE_STEP_M)
+    side = np.arange(0.0, REACH * library.radius_m, SAMPLE_STEP_M)
     lateral_m = np.concatenate([-side[:0:-1], side])
-    polars = eye_parameters.polar_nodes(
-        eye_parameters.stated_polar_rad(setup), polar_sd_rad
-    )
-    moves = np.stack([base_moves(study, setup, polar, lateral_m) for polar in polars])
-    # forces hardly change between the ends
-    near = library.nearest_contact(0.5 * (min(polars) + max(polars)))
+    polar_rad = stated_polar_rad(setup)
+    moves = base_moves(study, setup, polar_rad, lateral_m)
 
-    return LibrarySections(
-        setup,
-        near,
-        lateral_m,
-        polars,
-        moves,
-        study.calibration.surface_smoothing_m,
-        polar_sd_rad,
-    )
+    return LibrarySections(setup, library.nearest_contact(polar_rad), lateral_m, moves)
+
+
+def _cut_rings(curves: Floats, gap_m: Floats, tilt_rad: float) -> tuple[Floats, Floats]:
+    """Return X^2 (..., node), m^2, and Y (..., node), m, of the rings; X^2 is negative
+    where the plane misses one.
+
+    The curves are distance from the needle axis and depth of the rings (..., node, 2),
+    m; the gap broadcasts.
+    """
+    distance = curves[..., 0]
+    deep = curves[..., 1]
+    return distance**2 - (gap_m + deep * np.tan(tilt_rad)) ** 2, deep / np.cos(tilt_rad)
 
 
 def section_depths(
@@ -397,7 +345,7 @@ def section_depths(
     (lateral, across, depth) at the lateral places. Of a wall that folds over itself the
     outermost part counts: it is on top, where the light comes from.
     """
-    square, depth = cut_rings(fine_fn @ curves_sbnc, gap_m[:, None, None], tilt_rad)
+    square, depth = _cut_rings(fine_fn @ curves_sbnc, gap_m[:, None, None], tilt_rad)
     on_top = np.minimum.accumulate(square[..., ::-1], axis=-1)[..., ::-1]
     rows = list(
         zip(
@@ -425,33 +373,3 @@ def _interpolated(rows: Sequence[tuple[Floats, Floats]], wanted: Floats) -> Floa
     places = wanted.reshape(len(rows), -1)
     found = [np.interp(place, *row) for place, row in zip(places, rows, strict=True)]
     return np.array(found).reshape(wanted.shape)
-
-
-CLEAR = 4.0  # times their spread, from which forms are removed
-
-
-def without_form(
-    eye: LibrarySections, boundaries: Boundaries, study: CalibrationStudy
-) -> Boundaries:
-    """Return the boundaries of a frame without the part of the eye's form, if that is
-    clear.
-    """
-    modulus = Modulus(
-        mean_pa=study.prior_mean_pa, sd_pa=study.prior_sd_pa, source="population"
-    )
-    known = eye_parameters.with_modulus(eye.setup, modulus)
-    prior = prior_of(known, ReaderStudy())  # nothing is left for it to say
-
-    fit = fit_boundaries(
-        eye.library, boundaries.lateral_m, boundaries.depth_m, prior, eye.smoothing_m
-    )
-    if fit is None or fit.misfit_m > NO_WALL_M or form_size(fit.unknown) < CLEAR:
-        return boundaries
-
-    from_contact_m = boundaries.lateral_m - fit.contact_m
-    both = (np.full_like(from_contact_m, is_inner) for is_inner in (0.0, 1.0))
-    added = [
-        form_depths(fit.unknown[FORM], from_contact_m, is_inner) for is_inner in both
-    ]
-
-    return replace(boundaries, depth_m=boundaries.depth_m - np.stack(added))
