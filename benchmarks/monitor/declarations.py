@@ -12,7 +12,6 @@ import numpy as np
 
 from monitor.eyes import SessionEye, largest_force_n
 from monitor.pictures import Frame, PooledGenerator, still_frame
-from scleraforce.calibration.filter.eye_parameters import with_modulus
 from scleraforce.calibration.start_of_an_eye import ForceFrame
 from scleraforce.calibration.stiffness_from_forces import (
     eye_of_forces,
@@ -63,8 +62,8 @@ def declarations(
     return {
         "declared": calibrated(changed(stated, globe=globe), labelled, reader),
         "found": calibrated(stated, labelled, reader),
-        "unknown": with_modulus(stated, modulus),
-        "option": with_modulus(stated, Modulus.stated(modulus.mean_pa)),
+        "unknown": changed(stated, modulus=modulus),
+        "option": changed(stated, modulus=Modulus.stated(modulus.mean_pa)),
     }
 
 

@@ -109,14 +109,7 @@ def test_light_frames_come_first_then_the_wanted_ones_rising_then_the_rest_from_
     included: list[bool], frames: int | None, order: list[int]
 ):
     forces_n = np.array([0.0, 30.0, 12.0, 45.0, 20.0, 38.0, 2.0, 44.0]) * 1e-3
-    assert frame_order(forces_n, included, 0.005, frames, rising=False) == order
-
-
-def test_all_frames_of_a_known_force_rise_where_they_should():
-    included = [True, True, True, False, True, True]
-    forces_n = np.array([0.05, 0.002, 0.01, np.nan, 0.03, 0.004])
-    order = frame_order(forces_n, included, 0.005, None, rising=True)
-    assert order == [1, 5, 2, 4, 0, 3]
+    assert frame_order(forces_n, included, 0.005, frames) == order
 
 
 def test_the_population_is_the_mean_of_the_sound_eyes(calibration):

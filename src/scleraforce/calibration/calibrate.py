@@ -540,7 +540,7 @@ def _taken_frames(
     least_n = study.calibration.min_force_n
     left = len(trials) if settings.frames is None else settings.frames
     included = [trial.excluded is None for trial in trials]
-    order = frame_order(forces.force_n, included, least_n, settings.frames, False)
+    order = frame_order(forces.force_n, included, least_n, settings.frames)
     records = list[FrameRecord]()
     found = dict[int, tuple[ForceFrame, BoundaryFit]]()
     refused = 0

@@ -2,7 +2,7 @@
 and as its file.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from math import exp, floor, hypot, isfinite, log10, sqrt
 from typing import Any
@@ -20,7 +20,6 @@ from scleraforce.calibration.filter.eye_filter import (
     EyeState,
     FrameStep,
 )
-from scleraforce.calibration.filter.eye_parameters import mean_and_sd
 from scleraforce.calibration.stiffness_from_forces import (
     KnownForce,
     finite,
@@ -287,7 +286,7 @@ class Calibration:
     @property
     def population(self) -> tuple[float, float | None]:
         """Mean and spread of the eyes' mean moduli, in Pa; one eye has no spread."""
-        return mean_and_sd([eye.mean_pa for eye in self._sound])
+        return _mean_and_sd([eye.mean_pa for eye in self._sound])
 
     @property
     def population_stiffening(self) -> float:
@@ -300,6 +299,16 @@ class Calibration:
     def _sound(self) -> tuple[EyeCalibration, ...]:
         eyes = tuple(self.eyes.values())
         return tuple(eye for eye in eyes if eye.status == "ok") or eyes
+
+
+def _mean_and_sd(values: Sequence[float]) -> tuple[float, float | None]:
+    """Return mean and sample standard deviation; a single value has no spread: None."""
+    mean = sum(values) / len(values)
+    return mean, (
+        sqrt(sum((v - mean) ** 2 for v in values) / (len(values) - 1))
+        if len(values) > 1
+        else None
+    )
 
 
 # name of the parameter of an eye that may be sealed, in calibration files too

@@ -46,7 +46,6 @@ def filter_eye(
         included,
         study.calibration.min_force_n,
         settings.frames,
-        rising=False,
     )
 
     for index in order:

@@ -357,19 +357,16 @@ def frame_order(
     included: Sequence[bool],
     min_force_n: float,
     frames: int | None,
-    rising: bool,
 ) -> list[int]:
     """Return the frames in the order in which they are examined: of the included ones
     the wanted number, or all (None).
 
-    All in their own order, or in `rising` order; if only some are wanted, the first few
-    that show where the eye lies (up to `min_force_n`), then the frames of the highest
-    force and of even shares of it, which tell modulus and rigidity apart, in rising
-    order, then the others as substitutes. Shallow dents hardly show the rigidity: they
-    give the modulus, and from there the way to both is short. A deep one alone leaves a
-    bent valley of both.
+    All in their own order; if only some are wanted, the first few that show where the
+    eye lies (up to `min_force_n`), then the frames of the highest force and of even
+    shares of it, which tell modulus and rigidity apart, in rising order, then the
+    others as substitutes.
     """
-    if frames is None and not rising:
+    if frames is None:
         return list(range(len(included)))
 
     light = [
@@ -383,13 +380,6 @@ def frame_order(
         if inside and force_n[index] > min_force_n
     ]
     left.sort(key=lambda index: -force_n[index])
-
-    if frames is None:
-        return [
-            *light,
-            *reversed(left),
-            *(index for index, inside in enumerate(included) if not inside),
-        ]
 
     chosen = list[int]()
     highest_n = force_n[left[0]] if left else 0.0

@@ -329,7 +329,7 @@ def _known_forces(frames: EyeFrames, settings: CalibrationSettings) -> dict[int,
     included = [trial.excluded is None for trial in trials]
     found = dict[int, float]()
 
-    for place in frame_order(forces.force_n, included, least_n, settings.frames, False):
+    for place in frame_order(forces.force_n, included, least_n, settings.frames):
         seen = frames.seen(place)
         force_n = float(forces.force_n[place])
         if (

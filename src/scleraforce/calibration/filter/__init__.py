@@ -6,7 +6,7 @@ Public:
     eye_filter: `EyeFilter`, `EyeSession`, `EyeState`, `FrameStep`, `PARAMETERS`,
         `SkippedFrame`, `UNSEEN`, `begin`, `parameter_moments`, `predicted_points`,
         `step`
-    eye_parameters: `WallState`, `mean_and_sd`, `polar_spread_rad`, `stated_globe`,
-        `stated_polar_rad`, `stated_wall`, `with_modulus`
+    eye_parameters: `WallState`, `polar_spread_rad`, `stated_globe`,
+        `stated_polar_rad`, `stated_wall`
     section_registration: `BY_POLAR`, `first_belief`, `place_section`
 """

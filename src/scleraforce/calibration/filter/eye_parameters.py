@@ -7,13 +7,12 @@ the coordinates of order one.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import log, prod, sqrt
 
 import numpy as np
 
 from scleraforce.base.arrays import Flags, Floats
-from scleraforce.records.eye import Modulus
 from scleraforce.records.fields import declared
 from scleraforce.records.globe import UNKNOWN, Globe
 from scleraforce.records.needle import Needle
@@ -90,16 +89,6 @@ class ParameterSpace:
         return means * self.means, sds * self.means
 
 
-def mean_and_sd(values: Sequence[float]) -> tuple[float, float | None]:
-    """Return mean and sample standard deviation; a single value has no spread: None."""
-    mean = sum(values) / len(values)
-    return mean, (
-        sqrt(sum((v - mean) ** 2 for v in values) / (len(values) - 1))
-        if len(values) > 1
-        else None
-    )
-
-
 @dataclass(frozen=True, kw_only=True)
 class WallState:
     """The variables of a section, SI: modulus and force, and values of the eye that may
@@ -142,11 +131,6 @@ def stated_polar_rad(setup: Setup) -> float:
     `InputError` where there is none.
     """
     return declared(setup.needle.polar_rad, "needle: polar_rad")
-
-
-def with_modulus(setup: Setup, modulus: Modulus | None) -> Setup:
-    """Return what a reader is told of an eye of a modulus; None: not known."""
-    return replace(setup, eye=replace(setup.eye, modulus=modulus))
 
 
 def lagrange(nodes: Sequence[float], at: float) -> Floats:

@@ -275,9 +275,7 @@ def calibrated(
     wanted = CALIBRATED if chosen is None else len(chosen)
 
     if chosen is None:
-        order = seen_frames.frame_order(
-            forces_n, [True] * len(frames), least_n, wanted, rising=True
-        )
+        order = seen_frames.frame_order(forces_n, [True] * len(frames), least_n, wanted)
     else:
         order = sorted(chosen, key=lambda place: float(forces_n[place]))
 
