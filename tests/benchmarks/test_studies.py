@@ -24,6 +24,7 @@ SMALLEST = {
     "calibration": "--linear 1 --bent 1 --frames 5 --study {study}",
     "conjunctiva": "--frames 1",
     "forms": "--rows 1",
+    "intervals": "--eyes 6 --workers 1",
     "layers": "--rows 1 --rings 6",
     "library": "--walls 1 --study {study}",
     "meshes": "--rows 1 --forces 1 --quads 4 --core 2 --rings 4",

@@ -225,7 +225,8 @@ def test_forces_that_drift_from_the_librarys_are_read_as_three_frames_of_known_f
             ]
         )
 
-    assert np.mean(growths) == pytest.approx(drift, abs=0.1)
+    # E takes a part of it: deep dents feel E less
+    assert np.mean(growths) == pytest.approx(drift, abs=0.15)
     learned_n, unlearned_n = np.mean(errors_n, axis=0)
     assert learned_n < 0.6 * unlearned_n
 
