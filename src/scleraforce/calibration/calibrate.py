@@ -161,7 +161,7 @@ def calibration_passes(
 def _of_eye(
     recording: Recording, settings: CalibrationSettings, before: EyeCalibration | None
 ) -> EyeCalibration:
-    """Calibrate an eye; if its filter diverges, add a doubt on its stated globe."""
+    """Calibrate an eye; if that diverges, add a doubt on its stated globe."""
     globe = recording.info.eye.globe
     stated = None if globe is None else globe.kind
     used = (

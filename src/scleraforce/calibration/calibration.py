@@ -191,7 +191,7 @@ class EyeCalibration:
 
     @property
     def status(self) -> str:
-        """'ok', or the last sentence of a filter that diverged."""
+        """'ok', or the last sentence of a calibration that diverged."""
         return next(
             (frame.status for frame in reversed(self.used) if frame.status != "ok"),
             "ok",
@@ -214,7 +214,7 @@ class Calibration:
     """All eyes; the population is the mean of their means, its `sd` their spread (None
     for one eye).
 
-    Eyes whose filter diverged do not count in the population, unless all did.
+    Eyes whose calibration diverged do not count in the population, unless all did.
     `mechanics`: "linear" or "finite-strain". `of_inputs`: remarks on what recordings
     state, known before they are calibrated on (`INPUT_CODES`).
     """
@@ -425,7 +425,7 @@ def _of_relaxation(words: str, is_known: bool = True) -> Remark:
 
 
 def _frame_remarks(eye: EyeCalibration) -> list[Remark]:
-    """Return remarks on outlying points, on a filter that diverged, and on single
+    """Return remarks on outlying points, on a calibration that diverged, and on single
     frames that do not agree on E.
     """
     found = list[Remark]()

@@ -155,10 +155,10 @@ def regression(
 
     modulus, globe = own_modulus_and_globe(setup)
     sds = np.array([modulus.relative_sd, max(globe.sd / REFERENCE_RIGIDITY, _OPEN_SD)])
-    of_filter = np.outer(sds, sds) * np.array(
+    of_start = np.outer(sds, sds) * np.array(
         [[1.0, globe.correlation], [globe.correlation, 1.0]]
     )
-    scales: Scales = np.asarray(np.linalg.inv(of_filter)), np.diag(SCALES**-2.0)
+    scales: Scales = np.asarray(np.linalg.inv(of_start)), np.diag(SCALES**-2.0)
     every = np.ones(4, dtype=bool)
     begun = (
         _reweighted(direction, left, weight, scales, every, begin)
@@ -231,9 +231,9 @@ def _loss(
     (`_reweighted`).
     """
     rest = left - direction @ found
-    of_filter = CAUCHY**2 * np.log1p(found[:2] @ scales[0] @ found[:2] / CAUCHY**2)
+    of_start = CAUCHY**2 * np.log1p(found[:2] @ scales[0] @ found[:2] / CAUCHY**2)
     of_eyes = CAUCHY**2 * np.log1p(scales[1] @ found[2:] ** 2 / CAUCHY**2).sum()
-    return float(weight @ rest**2 + of_filter + of_eyes)
+    return float(weight @ rest**2 + of_start + of_eyes)
 
 
 def modulus_after(read: Sequence[KnownForce], setup: Setup, prior: Setup) -> Modulus:
@@ -334,7 +334,7 @@ class RereadEye:
 
     def trial(self, found: Trial, refused: int) -> TissueTrial[Trial]:
         """Return the trial that `search_stiffening` compares; `refused`: the number of
-        frames that the filter did not take.
+        frames that no wall of the library lies on.
         """
         read = [frame for frame in self.again if frame is not None]
         refused += len(self.again) - len(read)
