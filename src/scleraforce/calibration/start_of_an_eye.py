@@ -31,6 +31,9 @@ SHAPE_SD = 0.1
 # Loss of the boundaries of a frame of an even wall. Walls that the library does not
 # have lose more, whatever their tissue, and say less of it.
 EVEN_LOSS = 5.0
+# An eye contradicts its frames if it misses them by more than this, and by more than
+# chance: labels of pushes in motion are off by more than their noise.
+DIVERGED_SD = 3.0
 ONE_IN_A_MILLION = 4.753  # standard deviations, exceeded with this probability
 # parameters of a calibration, beside E, that frames share: places in `unknowns.NAMES`
 SOUGHT = {
@@ -123,7 +126,7 @@ class StartedEye:
         count = len(self.fit.forces_n)
         uneven = max(1.0, self.alone / (EVEN_LOSS * count))
         excess = (self.fit.cost - self.alone) / uneven
-        if excess <= _largest_by_chance(count):
+        if excess <= max(_largest_by_chance(count), count * DIVERGED_SD**2):
             return "ok"
 
         return (
