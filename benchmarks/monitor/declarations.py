@@ -103,7 +103,9 @@ def calibrated(
     ]
     found = search_stiffening(
         reader.library,
-        lambda of_tissue: eye_of_forces(stated, frames, of_tissue, reader.study),
+        lambda of_tissue, before: eye_of_forces(
+            stated, frames, of_tissue, reader.study, before
+        ),
     )
     assert found is not None  # the library has these eyes
     stiffening, (known, _) = found

@@ -231,6 +231,35 @@ def test_the_start_finds_open_frames_of_an_eye_that_may_be_sealed():
     assert found.modulus_pa == pytest.approx(MODULUS_PA, rel=0.1)
 
 
+def test_trials_of_other_tissue_begin_where_the_one_before_began():
+    """The next trial gets what the last one began with, a start of the same frames; and
+    one eye is compared with the tissue that explains the frames alone the best.
+    """
+    begun = started(read_frames(), with_prior())
+    asked = list[StartedEye | None]()
+
+    def calibrate(walls: Library, before: StartedEye | None) -> TissueTrial[float]:
+        asked.append(before)
+        return TissueTrial(
+            found=walls.stiffening,
+            refused=0,
+            frames=TRIAL_FRAMES,
+            of_boundaries=EVEN,
+            of_forces=bowl(40.0, 1.6)(log1p(walls.stiffening)),
+            started=begun,
+        )
+
+    search_stiffening(MADE_UP, calibrate)
+    assert asked[0] is None
+    assert len(asked) > 1
+    assert all(before is begun for before in asked[1:])
+    better = replace(begun, alone=0.5 * begun.alone)
+    fits = [first_fit(frame.shown, KNOWN, LIBRARY, STUDY) for frame in read_frames()]
+    found = [fit for fit in fits if fit is not None]
+    again = start_eye(with_prior(), read_frames(), found, LIBRARY, STUDY, {}, better)
+    assert again.alone == better.alone
+
+
 def test_a_thickness_that_is_sought_is_found_from_a_wrong_one():
     stated = with_prior()
     wrong = replace(stated, eye=replace(stated.eye, thickness_m=0.70e-3))
@@ -418,7 +447,7 @@ def sought(
     """
     tried = list[float]()
 
-    def calibrate(walls: Library) -> TissueTrial[float]:
+    def calibrate(walls: Library, _: StartedEye | None) -> TissueTrial[float]:
         tried.append(walls.stiffening)
         place = log1p(walls.stiffening)
         return TissueTrial(
@@ -541,7 +570,8 @@ def test_any_stiffening_is_better_than_one_that_diverged():
     )
     lost = TissueTrial.diverged("diverged", 0)
     found = search_stiffening(
-        MADE_UP, lambda library: poor if library.stiffening == STIFFENINGS[2] else lost
+        MADE_UP,
+        lambda library, _: poor if library.stiffening == STIFFENINGS[2] else lost,
     )
     assert found == (STIFFENINGS[2], "poor")
 
@@ -556,7 +586,10 @@ class Calibrating:
     tried: list[tuple[float, bool]] = field(default_factory=list)
     frames: list[int | None] = field(default_factory=list)
 
-    def __call__(self, recording: Any, way: Any, _frames: Any, earlier: Any) -> Any:
+    def __call__(
+        self, recording: Any, way: Any, _frames: Any, earlier: Any, before: Any = None
+    ) -> Any:
+        assert before is None  # no trial here says where it began
         self.frames.append(way.frames)
         stiffening = way.library.stiffening
         self.tried.append((stiffening, earlier is not None))

@@ -139,7 +139,8 @@ def calibrated(
         ForceFrame(wall=boundaries, force_n=force_n) for boundaries, force_n in frames
     ]
     found = search_stiffening(
-        library, lambda of_tissue: eye_of_forces(setup, seen, of_tissue, study)
+        library,
+        lambda of_tissue, before: eye_of_forces(setup, seen, of_tissue, study, before),
     )
     assert found is not None  # the library has these eyes
     _, (known, _) = found

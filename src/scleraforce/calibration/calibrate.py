@@ -284,7 +284,6 @@ def _of_tissue(
     of the known one.
     """
     library = settings.library
-    frames.started = None
     if library is None:
         return filter_eye(recording, settings, frames, earlier)
     if earlier is None and settings.stiffening_sought:
@@ -309,7 +308,7 @@ def _of_sought_tissue(
     )
 
     def calibrate(
-        of_tissue: Library, wanted: int | None
+        of_tissue: Library, wanted: int | None, before: StartedEye | None
     ) -> TissueTrial[EyeCalibration]:
         with np.errstate(all="ignore"):
             # with walls that are far from the eye's a fit may end anywhere
@@ -318,11 +317,14 @@ def _of_sought_tissue(
                 replace(settings, library=of_tissue, frames=wanted),
                 frames,
                 None,
+                before,
             )
 
-    def attempt(of_tissue: Library) -> TissueTrial[EyeCalibration] | None:
+    def attempt(
+        of_tissue: Library, before: StartedEye | None
+    ) -> TissueTrial[EyeCalibration] | None:
         try:
-            return calibrate(of_tissue, SOUGHT_ON if more else settings.frames)
+            return calibrate(of_tissue, SOUGHT_ON if more else settings.frames, before)
         except CalibrationError as fault:
             faults.append(fault)
             return None
@@ -333,7 +335,7 @@ def _of_sought_tissue(
 
     stiffening, eye = found
     return (
-        calibrate(library.for_stiffening(stiffening), settings.frames).found
+        calibrate(library.for_stiffening(stiffening), settings.frames, None).found
         if more
         else eye
     )
@@ -344,11 +346,12 @@ def calibrate_eye(
     settings: CalibrationSettings,
     frames: EyeFrames,
     earlier: EyeCalibration | None,
+    before: StartedEye | None = None,
 ) -> TissueTrial[EyeCalibration]:
     """Calibrate an eye with the walls of one tissue; of one that leaks, anew with the
-    pressures that this gives.
+    pressures that this gives. `before`: the eye by the same frames and another tissue.
     """
-    found = _calibrate_eye(recording, settings, frames, earlier, None)
+    found = _calibrate_eye(recording, settings, frames, earlier, None, before)
     library = settings.library
 
     for _ in range(LEAK_ROUNDS if recording.info.eye.leak_time_s else 0):
@@ -357,7 +360,12 @@ def calibrate_eye(
 
         rests_pa = _rests_pa(recording, settings.study, library, frames, found.found)
         found = _calibrate_eye(
-            recording, replace(settings, count=count_nothing), frames, earlier, rests_pa
+            recording,
+            replace(settings, count=count_nothing),
+            frames,
+            earlier,
+            rests_pa,
+            found.started,
         )
 
     return found
@@ -409,6 +417,7 @@ def _calibrate_eye(
     frames: EyeFrames,
     earlier: EyeCalibration | None,
     rests_pa: Floats | None,
+    before: StartedEye | None,
 ) -> TissueTrial[EyeCalibration]:
     """Calibrate an eye with the walls of one tissue; its frames have resting pressures
     of their own if it leaks.
@@ -422,7 +431,6 @@ def _calibrate_eye(
     setup = with_prior(setup_to_calibrate(recording, study), study)
     check_library(setup, study, library)
     taken = _taken_frames(recording, settings, frames, setup, rests_pa)
-    settings.count(len(recording.frames))
     started = start_eye(
         _beside_followed(setup, frames, taken.frames),
         taken.frames,
@@ -430,14 +438,13 @@ def _calibrate_eye(
         library.nearest_contact(setup.needle.polar_rad),
         study,
         _sought_sds(setup, settings),
-        frames.started,
+        before,
     )
-    frames.started = started
     records = list(() if earlier is None else earlier.frames)
-    before = [frame.again for frame in records if frame.again is not None]
+    read_before = [frame.again for frame in records if frame.again is not None]
     begun = replace(setup, eye=started.setup.eye)
     after = (
-        reread_eye(begun, taken.frames, before, library, study)
+        reread_eye(begun, taken.frames, read_before, library, study)
         if started.status == "ok"
         else RereadEye(begun, (None,) * len(taken.frames), 0.0)
     )
@@ -464,8 +471,8 @@ def _calibrate_eye(
     )
 
     if eye.status != "ok":
-        return TissueTrial.diverged(eye, taken.refused)
-    return after.trial(eye, taken.refused)
+        return TissueTrial.diverged(eye, taken.refused, started)
+    return after.trial(eye, taken.refused, started)
 
 
 def check_library(setup: Setup, study: Study, library: Library) -> None:
@@ -546,6 +553,7 @@ def _taken_frames(
     refused = 0
 
     for index in order:
+        settings.count(1)
         force_n = float(forces.force_n[index])
         if left <= 0 or not included[index] or not force_n > least_n:
             continue
@@ -555,7 +563,7 @@ def _taken_frames(
             continue
 
         rest_pa = None if rests_pa is None else float(rests_pa[index])
-        skipped, frame, fit = None, None, None
+        skipped = None
 
         if isinstance(seen.wall, SkippedFrame):
             skipped = seen.wall.reason
@@ -565,10 +573,9 @@ def _taken_frames(
             if fit is None:
                 skipped = NO_WALL
                 refused += 1
-
-        if frame is not None and fit is not None:
-            found[len(records)] = frame, fit
-            left -= 1
+            else:
+                found[len(records)] = frame, fit
+                left -= 1
 
         records.append(
             FrameRecord(
@@ -583,6 +590,7 @@ def _taken_frames(
             )
         )
 
+    settings.count(len(trials) - len(order))
     if not found:
         raise nothing_taken(recording, frames, records, study)
 
@@ -619,9 +627,12 @@ def _reread_records(
             read.append(again)
             record = replace(record, own_modulus_pa=again.own_modulus_pa)
 
-        estimate = modulus_after(read, after.setup, setup)
-        if place == taken.places[-1]:
-            estimate = own_modulus_and_globe(after.setup)[0]
+        is_last = place == taken.places[-1]
+        estimate = (
+            own_modulus_and_globe(after.setup)[0]
+            if is_last
+            else modulus_after(read, after.setup, setup)
+        )
         records[place] = replace(
             record, mean_pa=estimate.mean_pa, sd_pa=estimate.sd_pa, status=status
         )

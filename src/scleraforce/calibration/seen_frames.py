@@ -19,7 +19,7 @@ from scleraforce.base.arrays import Floats
 from scleraforce.base.errors import CalibrationError
 from scleraforce.calibration.filter import eye_filter
 from scleraforce.calibration.relaxation_from_holds import with_elastic_forces
-from scleraforce.calibration.start_of_an_eye import ForceFrame, StartedEye
+from scleraforce.calibration.start_of_an_eye import ForceFrame
 from scleraforce.fit.one_frame import NO_WALL_M
 from scleraforce.fit.planes_of_a_moment import PlanesFit, SeenPlane, fit_planes
 from scleraforce.fit.prior_of_an_eye import prior_of
@@ -123,8 +123,7 @@ class EyeFrames:
 
     `recording` has the first frame of each moment. Forces are parts along the wall's
     normal, with a library elastic ones. `relaxation` is how the tissue relaxes, if that
-    is known already. `started`: the eye with the tissue that was tried last, where the
-    next trial begins.
+    is known already.
     """
 
     def __init__(
@@ -145,7 +144,6 @@ class EyeFrames:
                 recording, frames=tuple(first for first, *_ in self.moments)
             )
 
-        self.started: StartedEye | None = None
         self.seen = cache(self._seen)
         self.labelled = cache(self._labelled)
         self._look = cache(self._look_at)

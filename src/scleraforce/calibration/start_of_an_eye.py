@@ -162,8 +162,8 @@ def start_eye(
         study: ranges of what is not stated, and the segmentation's smoothing.
         sought: what is uncertain and found as well: names in `SOUGHT`, with the
             standard deviations of what is stated, that of the IOP's logarithm.
-        before: the eye with other tissue, where the search begins; None: it begins
-            anywhere.
+        before: the eye by the same frames and walls of another tissue, where the
+            search begins; None: it begins anywhere.
     """
     globe = declared(setup.eye.globe, "globe")
     begin = tuple[float, ...]()

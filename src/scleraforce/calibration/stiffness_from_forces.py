@@ -30,6 +30,7 @@ from scleraforce.base.normal_distribution import (
 from scleraforce.calibration.start_of_an_eye import (
     EVEN_LOSS,
     ForceFrame,
+    StartedEye,
     first_fit,
     of_other_eyes,
     start_eye,
@@ -77,9 +78,9 @@ EXPECTED_SQUARE = 0.17
 SCATTER_FRAMES = 5.0
 
 
+LEAST_SLOPE = 0.2  # of the force by E: less is the slope of a globe that bears it all
 # What a calibration file may hold: squares of the largest are still numbers, and the
 # tiniest may be divided by.
-LEAST_SLOPE = 0.2  # of the force by E: less is the slope of a globe that bears it all
 LARGEST = 1e15
 TINY = 1e-15
 finite = partial(computed, -LARGEST, LARGEST)
@@ -294,7 +295,8 @@ class TissueTrial(Generic[Trial]):
     """A calibration with walls of one stiffening.
 
     `refused` is the number of frames that it could not use, `frames` that of the
-    others, `of_boundaries` and `of_forces` their losses.
+    others, `of_boundaries` and `of_forces` their losses. `started`: the eye where it
+    began, for the next trial of the same frames.
     """
 
     found: Trial
@@ -302,6 +304,7 @@ class TissueTrial(Generic[Trial]):
     frames: int
     of_boundaries: float
     of_forces: float
+    started: StartedEye | None = None
 
     @property
     def loss(self) -> float:
@@ -309,7 +312,9 @@ class TissueTrial(Generic[Trial]):
         return self.of_boundaries + self.of_forces
 
     @classmethod
-    def diverged(cls, found: Trial, refused: int) -> "TissueTrial[Trial]":
+    def diverged(
+        cls, found: Trial, refused: int, started: StartedEye | None = None
+    ) -> "TissueTrial[Trial]":
         """Return a trial that explains none of its frames: any trial that explains some
         is better.
         """
@@ -319,6 +324,7 @@ class TissueTrial(Generic[Trial]):
             frames=0,
             of_boundaries=0.0,
             of_forces=0.0,
+            started=started,
         )
 
 
@@ -332,7 +338,9 @@ class RereadEye:
     again: tuple[KnownForce | None, ...]
     loss: float
 
-    def trial(self, found: Trial, refused: int) -> TissueTrial[Trial]:
+    def trial(
+        self, found: Trial, refused: int, started: StartedEye | None = None
+    ) -> TissueTrial[Trial]:
         """Return the trial that `search_stiffening` compares; `refused`: the number of
         frames that no wall of the library lies on.
         """
@@ -345,6 +353,7 @@ class RereadEye:
             frames=len(read),
             of_boundaries=loss,
             of_forces=self.loss,
+            started=started,
         )
 
 
@@ -395,6 +404,7 @@ def eye_of_forces(
     frames: Sequence[ForceFrame],
     library: Library,
     study: Study,
+    before: StartedEye | None = None,
     most: int | None = None,
 ) -> TissueTrial[tuple[Setup, tuple[ForceFrame, ...]]] | None:
     """Return what frames of known force tell of an eye with the walls of one tissue,
@@ -405,6 +415,7 @@ def eye_of_forces(
         frames: in the order in which they are taken.
         library: of the tissue.
         study: the prior of E, and ranges of what is not stated.
+        before: the eye by the same frames and walls of another tissue (`start_eye`).
         most: number of frames that are used; None: all.
     """
     stated = with_prior(setup, study)
@@ -427,14 +438,14 @@ def eye_of_forces(
     if not taken:
         return None
 
-    started = start_eye(stated, taken, fits, near, study, {})
+    started = start_eye(stated, taken, fits, near, study, {}, before)
     used = tuple(taken)
     if started.status != "ok":
         without = replace(stated, eye=replace(stated.eye, modulus=None))
-        return TissueTrial.diverged((without, used), refused)
+        return TissueTrial.diverged((without, used), refused, started)
 
     after = reread_eye(started.setup, taken, (), library, study)
-    return after.trial((after.setup, used), refused)
+    return after.trial((after.setup, used), refused, started)
 
 
 def read_again(
@@ -652,19 +663,22 @@ def most_trials(library: Library) -> int:
 
 
 def search_stiffening(
-    library: Library, calibrate: Callable[[Library], TissueTrial[Trial] | None]
+    library: Library,
+    calibrate: Callable[[Library, StartedEye | None], TissueTrial[Trial] | None],
 ) -> tuple[float, Trial] | None:
     """Return the stiffening that explains an eye's frames best, and the calibration
     with it; None if there is none.
 
     It begins with the library's, from the lowest, until one explains the frames and the
     next much worse, or two in a row do worse and worse; it continues beside the best
-    one. A stiffening that refuses frames which others use is ruled out.
+    one. A stiffening that refuses frames which others use is ruled out. `calibrate`
+    gets the walls of one tissue, and the start of the trial before.
     """
     tried = dict[float, TissueTrial[Trial]]()
 
     def attempt(stiffening: float) -> None:
-        found = calibrate(library.for_stiffening(stiffening))
+        before = next(reversed(tried.values())).started if tried else None
+        found = calibrate(library.for_stiffening(stiffening), before)
         if found is not None:
             tried[stiffening] = found
 

@@ -31,7 +31,7 @@ from scleraforce.calibration.filter.eye_parameters import (
     WallState,
     stated_wall,
 )
-from scleraforce.calibration.start_of_an_eye import ForceFrame
+from scleraforce.calibration.start_of_an_eye import ForceFrame, StartedEye
 from scleraforce.calibration.stiffness_from_forces import (
     TissueTrial,
     eye_of_forces,
@@ -286,10 +286,12 @@ def calibrated(
     }
 
     def attempt(
-        of_tissue: Library,
+        of_tissue: Library, before: StartedEye | None
     ) -> TissueTrial[tuple[Setup, tuple[ForceFrame, ...]]] | None:
         """Calibrate with the walls of one tissue."""
-        return eye_of_forces(eye.stated, list(borne.values()), of_tissue, study, wanted)
+        return eye_of_forces(
+            eye.stated, list(borne.values()), of_tissue, study, before, wanted
+        )
 
     found = search_stiffening(library, attempt)
     if found is None:
