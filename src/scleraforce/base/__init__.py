@@ -13,7 +13,7 @@ Public:
     foreign_settings: `leave_unread`
     kept_results: `ENDING`, `check_folder`, `keep_result`, `kept_result`
     normal_distribution: `MOST_CORRELATED`, `NINETY_PERCENT`, `NORMAL_MEDIAN`,
-        `correlation_of`, `robust_spread`, `within_bounds`
+        `correlation_of`, `is_beyond_chance`, `robust_spread`, `within_bounds`
     notebook_cards: `Row`, `data_frame`, `flat`, `grey_picture`, `html_card`, `tidy`
     onnx_network: `check_interface`, `network_session`, `run_network`
     optional_packages: `package_for`

@@ -46,3 +46,24 @@ def robust_spread(size: Floats) -> float:
     outliers do not move.
     """
     return NORMAL_MEDIAN * float(np.median(size))
+
+
+# Misfits below it are a noise that was underestimated.
+DIVERGED_SD = 3.0
+DIVERGENCE_PROBABILITY = 1e-6  # of a false alarm, were the model right
+
+
+def is_beyond_chance(squares: float, count: int) -> bool:
+    """Return True if `count` squared residuals, in standard deviations, sum up to more
+    than 9 each, and to more than chance gives.
+
+    >>> is_beyond_chance(40.0, 3), is_beyond_chance(200.0, 40)
+    (True, False)
+    """
+    if not squares > count * DIVERGED_SD**2:
+        return False
+
+    # 110 ms: not for a model that keeps to its frames
+    from scipy.special import chdtri
+
+    return bool(squares > chdtri(count, DIVERGENCE_PROBABILITY))

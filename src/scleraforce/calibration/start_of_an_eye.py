@@ -12,7 +12,7 @@ from math import exp, sqrt
 
 import numpy as np
 
-from scleraforce.base.normal_distribution import correlation_of
+from scleraforce.base.normal_distribution import correlation_of, is_beyond_chance
 from scleraforce.fit import unknowns
 from scleraforce.fit.frames_of_an_eye import JointFit, ShownFrame, fit_forces
 from scleraforce.fit.one_frame import NO_WALL_M, BoundaryFit, fit_boundaries
@@ -31,10 +31,6 @@ SHAPE_SD = 0.1
 # Loss of the boundaries of a frame of an even wall. Walls that the library does not
 # have lose more, whatever their tissue, and say less of it.
 EVEN_LOSS = 5.0
-# An eye contradicts its frames if it misses them by more than this, and by more than
-# chance: labels of pushes in motion are off by more than their noise.
-DIVERGED_SD = 3.0
-ONE_IN_A_MILLION = 4.753  # standard deviations, exceeded with this probability
 # parameters of a calibration, beside E, that frames share: places in `unknowns.NAMES`
 SOUGHT = {
     "iop": unknowns.IOP,
@@ -126,21 +122,13 @@ class StartedEye:
         count = len(self.fit.forces_n)
         uneven = max(1.0, self.alone / (EVEN_LOSS * count))
         excess = (self.fit.cost - self.alone) / uneven
-        if excess <= max(_largest_by_chance(count), count * DIVERGED_SD**2):
+        if not is_beyond_chance(excess, count):
             return "ok"
 
         return (
             f"diverged: one eye misses its {count} frames by"
             f" {sqrt(excess / count):.1f} sd a frame more than eyes of their own"
         )
-
-
-def _largest_by_chance(count: int) -> float:
-    """Return the sum of squares of standard normal numbers that is exceeded with a
-    probability of a millionth (Wilson and Hilferty, PNAS 17, 1931).
-    """
-    variance = 2.0 / (9.0 * count)
-    return count * (1.0 - variance + ONE_IN_A_MILLION * sqrt(variance)) ** 3
 
 
 def start_eye(

@@ -27,6 +27,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scleraforce.base.arrays import Flags, Floats
+from scleraforce.base.normal_distribution import is_beyond_chance
 
 
 class SigmaPoints(NamedTuple):
@@ -87,9 +88,6 @@ def sigma_points(rule: str, dimension: int) -> SigmaPoints:
 Operator = Callable[[Floats], Floats]  # sigma points (r, n) -> observations (r, m)
 
 WINDOW = 5  # updates over which the innovations are watched for divergence
-DIVERGENCE_PROBABILITY = 1e-6  # of a false alarm in one window, were the model right
-# misses below are a noise that was underestimated; `inflate` sees to them
-DIVERGED_SD = 3.0
 LARGEST_GATED_SHARE = 0.3  # of outliers; with more, the model does not fit the frame
 
 
@@ -380,17 +378,10 @@ def _status(recent: tuple[tuple[float, int], ...]) -> str:
     if not np.isfinite(nis):
         return "diverged: an innovation is not finite"
 
-    ratio = np.sqrt(nis / count)
-    if not ratio > DIVERGED_SD:
-        return "ok"
-
-    # 110 ms: not for a filter that keeps to its frames
-    from scipy.special import chdtri
-
-    if not nis > chdtri(count, DIVERGENCE_PROBABILITY):
+    if not is_beyond_chance(nis, count):
         return "ok"
 
     return (
         f"diverged: over the last {len(recent)} frames the model misses the"
-        f" observations by {ratio:.1f} sd"
+        f" observations by {np.sqrt(nis / count):.1f} sd"
     )
