@@ -73,7 +73,8 @@ class ForceFrame:
 def first_fit(
     frame: ShownFrame, setup: Setup, library: Library, study: Study
 ) -> BoundaryFit | None:
-    """Return the fit of a frame alone; None if no wall of the library lies on it.
+    """Return the fit of a frame alone; None if no wall of the library lies on it, or if
+    a frame of known force shows none.
 
     `setup` is the eye with the modulus of other eyes, `library` that of its contact.
     """
@@ -92,9 +93,11 @@ def first_fit(
         study.calibration.surface_smoothing_m,
         frame.force_n,
     )
-    if fit is None or fit.misfit_m > NO_WALL_M or not fit.force_n > 0.0:
+    if fit is None or fit.misfit_m > NO_WALL_M:
         return None
-    return fit
+
+    is_undented = frame.force_n is not None and not fit.force_n > 0.0
+    return None if is_undented else fit
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,10 +24,10 @@ from scleraforce.calibration.seen_frames import (
     EyeFrames,
     frame_order,
 )
+from scleraforce.calibration.start_of_an_eye import first_fit
 from scleraforce.fit import unknowns
 from scleraforce.fit.frames_of_an_eye import JointFit, ShownFrame, fit_shape
-from scleraforce.fit.one_frame import NO_WALL_M, fit_boundaries
-from scleraforce.fit.prior_of_an_eye import KNOWN_SD, prior_of
+from scleraforce.fit.prior_of_an_eye import KNOWN_SD
 from scleraforce.library import Library
 from scleraforce.recordings.force_errors import LABEL_SD_N
 from scleraforce.recordings.recording_folder import Recording, tables_digest
@@ -142,7 +142,6 @@ class EyePosterior:
         lies on is left out.
         """
         library = self.library.nearest_contact(self.setup.needle.polar_rad)
-        smoothing_m = self.study.calibration.surface_smoothing_m
         modulus = replace(
             self.modulus, sd_pa=START_SD * self.modulus.mean_pa, source="population"
         )
@@ -151,22 +150,8 @@ class EyePosterior:
         found = [] if self.fit is None else list(self.fit.unknown_fn)
 
         for frame in frames:
-            gap_m = self.setup.needle.gap_m if frame.gap_m is None else frame.gap_m
-            prior = prior_of(
-                replace(begun, needle=replace(begun.needle, gap_m=gap_m)),
-                self.study.reader,
-                library.radius_m,
-            )
-
-            fit = fit_boundaries(
-                library,
-                frame.lateral_m,
-                frame.depth_bc,
-                prior,
-                smoothing_m,
-                frame.force_n,
-            )
-            if fit is not None and fit.misfit_m <= NO_WALL_M:
+            fit = first_fit(frame, begun, library, self.study)
+            if fit is not None:
                 shown.append(frame)
                 found.append(fit.unknown)
 
@@ -183,7 +168,7 @@ class EyePosterior:
             shown,
             self._with_iop_sd,
             self.study.reader,
-            smoothing_m,
+            self.study.calibration.surface_smoothing_m,
             np.array([found[place] for place in kept]),
             None if self.fit is None else self.fit.shared,
         )
