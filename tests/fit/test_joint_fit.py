@@ -187,6 +187,26 @@ def test_eliminating_each_frame_gives_the_step_of_the_whole_matrix(
     np.testing.assert_allclose(step / scale, whole / scale, rtol=1e-3, atol=1e-2)
 
 
+def test_a_fit_begins_at_the_frames_own_pressures_and_gaps():
+    """Fits of single frames have them already: they must not count twice."""
+    frames = [
+        replace(shown()[number], iop_pa=270.0 * number, gap_m=0.5e-3 + 1e-4 * number)
+        for number in (1, 2)
+    ]
+    problem = frames_of_an_eye._EyeProblem(
+        LIBRARY, frames, PRIOR, RANGES, 0.0, (at.MODULUS,), False
+    )
+    alone_fn = np.array(eye_of(TIPS_M[1:3]))
+    alone_fn[:, at.IOP] = np.log([270.0, 540.0])
+    alone_fn[:, at.GAP] = 0.6e-3, 0.7e-3
+    begun = problem.begun(alone_fn, None)
+
+    for number, frame in enumerate(problem.frames):
+        found = problem.named(frame, begun[problem.of_frame(number)])
+        for name in (at.IOP, at.GAP):
+            assert found[name] == pytest.approx(alone_fn[number, name], abs=1e-9)
+
+
 @pytest.mark.parametrize("level", [0.0, 0.05])
 def test_known_forces_give_the_modulus_with_their_level(level: float):
     """A level of the forces and E explain the same: E takes most of it, and says how

@@ -28,6 +28,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from itertools import product
 from math import log, sqrt
+from types import MappingProxyType
 
 import numpy as np
 
@@ -189,16 +190,16 @@ class JointFit:
 
 
 class _FrameOfEye:
-    """A frame's columns (column,), outer ones first, with a workspace; its IOP's
-    logarithm and gap beside the eye's.
+    """A frame's columns (column,), outer ones first, with a workspace; how far its
+    unknowns (unknown,) are known to be from the eye's, `beside_eye`.
     """
 
     def __init__(
         self, shown: ShownFrame, log_iop: float, gap_m: float, smoothing_m: float
     ) -> None:
         self.shown = shown
-        self.log_iop = log_iop
-        self.gap_m = gap_m
+        self.beside_eye = np.zeros(len(unknowns.NAMES))
+        self.beside_eye[[unknowns.IOP, unknowns.GAP]] = log_iop, gap_m
         seen = np.isfinite(shown.depth_bc)
         lateral_m = shown.lateral_m
         ends = lateral_m[seen[0]][[0, -1]] + EDGE_M * np.array([1.0, -1.0])
@@ -232,7 +233,8 @@ class _EyeProblem:
     """The least-squares problem of an eye's frames.
 
     Unknown: the shared ones (`JointFit.shared`), then each frame's own. `noise` and the
-    discrepancy's sizes stay while it is solved; `resize` finds them anew.
+    discrepancy's sizes stay while it is solved; `resize` finds them anew. `sds`: of the
+    priors of some unknowns (`unknowns.NAMES`), in place of the usual ones.
     """
 
     def __init__(
@@ -244,8 +246,12 @@ class _EyeProblem:
         smoothing_m: float,
         names: tuple[int, ...],
         is_discrepancy_sought: bool,
+        sds: Mapping[int, float] = MappingProxyType({}),
     ) -> None:
         prior = prior_of(setup, trained, library.radius_m)
+        for name, sd in sds.items():
+            prior.sd[name] = sd
+
         self.library = library
         self.law = law_of(prior.globe)
         self.globe = prior.globe
@@ -353,13 +359,6 @@ class _EyeProblem:
         own = self.shared_count + len(self.own_names) * number
         return np.r_[: self.shared_count, own : own + len(self.own_names)]
 
-    def set_sd(self, name: int, sd: float) -> None:
-        """Set the standard deviation of the prior of a shared unknown."""
-        (place,) = self.places(name)
-        self.sd[place] = sd
-        self.precision[place, place] = sd**-2.0
-        self._set_bounds()
-
     def set_sizes(self, resting_m: float, growing_m: float) -> None:
         """Give the discrepancy its sizes."""
         self.resting_m = resting_m
@@ -373,7 +372,8 @@ class _EyeProblem:
         ones, by default the prior's.
         """
         begun = self.mean[: self.shared_count] if shared is None else shared
-        own = unknown_fn[:, list(self.own_names)]
+        beside_eye = np.array([frame.beside_eye for frame in self.frames])
+        own = (unknown_fn - beside_eye)[:, list(self.own_names)]
         return self.inside(np.concatenate([begun, own.ravel()]))
 
     def begun_at(self, unknown_fn: Floats, ratio: float) -> Floats:
@@ -403,8 +403,7 @@ class _EyeProblem:
         unknown[self.places(unknowns.MODULUS)] = np.median(
             unknown_fn[:, unknowns.MODULUS]
         )
-        if unknowns.PRESSURE in self.own_names:
-            unknown[self.places(unknowns.PRESSURE)] = unknown_fn[:, unknowns.PRESSURE]
+        unknown[self.places(unknowns.PRESSURE)] = unknown_fn[:, unknowns.PRESSURE]
         return self.inside(unknown)
 
     def named(self, frame: _FrameOfEye, unknown: Floats) -> Floats:
@@ -412,9 +411,7 @@ class _EyeProblem:
         found = np.empty(len(unknowns.NAMES))
         found[list(self.shared_names)] = unknown[: len(self.shared_names)]
         found[list(self.own_names)] = unknown[self.shared_count :]
-        found[unknowns.IOP] += frame.log_iop
-        found[unknowns.GAP] += frame.gap_m
-        return found
+        return found + frame.beside_eye
 
     def basis(self, frame: _FrameOfEye, unknown: Floats) -> Floats:
         """Return how the weights move the columns (column, weight): linear between
@@ -445,8 +442,11 @@ class _EyeProblem:
         number); `extra_se` (state, 5): of the eye, `COMPLIANCE` to `GROWTH`.
         """
         shown = frame.shown
-        compliance, shift_m, rigidity, level, growth = extra_se.T
         found = list[Floats]()
+        if self.law.is_open and shown.travel_m is None and shown.force_n is None:
+            return np.empty((len(unknown_su), 0))
+
+        compliance, shift_m, rigidity, level, growth = extra_se.T
         forces, volumes = self.forces_volumes(unknown_su)
         pressure = np.exp(unknown_su[:, self.law.pressure])
         resting = np.exp(unknown_su[:, unknowns.IOP])
@@ -486,7 +486,7 @@ class _EyeProblem:
             off = level + growth * beside_middle(forces)
             found.append((log(shown.force_n) - np.log(forces) - off) / sd)
 
-        return np.stack(found, axis=1) if found else np.empty((len(unknown_su), 0))
+        return np.stack(found, axis=1)
 
     def compare_frame(
         self, frame: _FrameOfEye, unknown: Floats
@@ -501,7 +501,7 @@ class _EyeProblem:
         section = np.empty((2, 2 * len(self.library.node_angles()), 2))
         at = columns.places
         places = at.lateral_m, at.outer, at.smoothing_m
-        about = self.about[0] + frame.gap_m, self.about[1]
+        about = self.about[0] + frame.beside_eye[unknowns.GAP], self.about[1]
         predict_depths(
             self.library.tables, self.law, places, *about, named, depths, section
         )
@@ -829,10 +829,9 @@ def fit_forces(
     begin at, by default all over the range of closed eyes.
     """
     names = (unknowns.MODULUS, *sought)
-    problem = _EyeProblem(library, frames, setup, trained, smoothing_m, names, False)
-    for name, sd in sought.items():
-        problem.set_sd(name, sd)
-
+    problem = _EyeProblem(
+        library, frames, setup, trained, smoothing_m, names, False, sought
+    )
     ratios = (1.0,) if problem.law.is_open else begin or START_RATIOS
     starts = [problem.begun_at(begun_fn, ratio) for ratio in ratios]
     costs = [problem.evaluate(start)[1] for start in starts]
