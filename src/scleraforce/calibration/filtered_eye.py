@@ -19,7 +19,7 @@ from scleraforce.calibration.seen_frames import (
     frame_order,
 )
 from scleraforce.recordings.recording_folder import Recording
-from scleraforce.records.eye import Modulus, open_doubts
+from scleraforce.records.eye import open_doubts
 from scleraforce.records.fields import declared
 from scleraforce.records.globe import OPEN
 from scleraforce.records.needle import one_lean
@@ -83,7 +83,7 @@ def filter_eye(
     remarks = calibration_remarks(
         recording,
         frames,
-        records[first:],
+        records,
         study,
         [Remark("inputs-ignored", words, ("globe",)) for words in ignored],
     )
@@ -108,11 +108,7 @@ def filter_eye(
         filter=session.filter,
         relaxation=relaxation,
         lean_rad=one_lean(recording.info.needle.lean_rad),
-        prior=Modulus(
-            mean_pa=study.calibration.prior_mean_pa,
-            sd_pa=study.calibration.prior_sd_pa,
-            source="population",
-        ),
+        prior=study.calibration.prior(),
     )
 
 

@@ -34,7 +34,6 @@ from scleraforce.recordings.forces_under_frames import (
 )
 from scleraforce.recordings.frame_and_force_tables import FrameEntry
 from scleraforce.recordings.recording_folder import Recording
-from scleraforce.records.eye import Modulus
 from scleraforce.records.frame import frame_digest
 from scleraforce.records.needle import one_lean
 from scleraforce.records.scan import Plane
@@ -246,13 +245,11 @@ class EyeFrames:
         study = self.settings.study
         library = self.settings.library
         assert library is not None  # `calibrate.check_planes_can_calibrate`
-        mean_pa = study.calibration.prior_mean_pa
-        sd_pa = study.calibration.prior_sd_pa
         known = replace(
             info.setup,
             eye=replace(
                 info.setup.eye,
-                modulus=Modulus(mean_pa=mean_pa, sd_pa=sd_pa, source="population"),
+                modulus=study.calibration.prior(),
             ),
         )
         planes = list[SeenPlane]()

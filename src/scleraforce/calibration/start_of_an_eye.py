@@ -20,7 +20,6 @@ from scleraforce.fit.planes_of_a_moment import PlanesFit
 from scleraforce.fit.prior_of_an_eye import prior_of
 from scleraforce.library import Library
 from scleraforce.recordings.force_errors import LABEL_SD_N
-from scleraforce.records.eye import Modulus
 from scleraforce.records.fields import declared
 from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
@@ -201,11 +200,7 @@ def start_eye(
 
 def with_prior(setup: Setup, study: Study) -> Setup:
     """Return a setup with the study's prior of E, the eye's own."""
-    prior = Modulus(
-        mean_pa=study.calibration.prior_mean_pa,
-        sd_pa=study.calibration.prior_sd_pa,
-        source="own",
-    )
+    prior = study.calibration.prior("own")
     return replace(setup, eye=replace(setup.eye, modulus=prior))
 
 

@@ -210,10 +210,7 @@ def calibrate_without_force(
     pressure is stated, or no frame is usable.
     """
     eyes = dict[str, EyeCalibration]()
-    study = settings.study.calibration
-    prior = population or Modulus(
-        mean_pa=study.prior_mean_pa, sd_pa=study.prior_sd_pa, source="population"
-    )
+    prior = population or settings.study.calibration.prior()
 
     for recording in recordings:
         eye = recording.info.eye_name

@@ -18,6 +18,7 @@ from scleraforce.base.errors import StudyError
 from scleraforce.base.units import to_si
 from scleraforce.base.whole_files import KINDS, read_text
 from scleraforce.records.decoder import format_record, format_section, parse_record
+from scleraforce.records.eye import Modulus
 from scleraforce.records.fields import (
     Choice as Choice,
     Range as Range,
@@ -110,6 +111,12 @@ class CalibrationStudy(StudySection):
     iop_sd_pa: float = quantity(0.5, "mmhg", 0.001, 80.0)
     thickness_sd_m: float = quantity(25.0, "um", 0.1, 1000.0)
     gap_sd_m: float = quantity(0.1, "mm", 0.001, 5.0)
+
+    def prior(self, source: str = "population") -> Modulus:
+        """Return the prior of E, by default as the modulus of other eyes."""
+        return Modulus(
+            mean_pa=self.prior_mean_pa, sd_pa=self.prior_sd_pa, source=source
+        )
 
 
 LEAST_STIFFENINGS = 4  # that cubic splines run through

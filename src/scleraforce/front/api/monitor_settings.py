@@ -27,7 +27,6 @@ from scleraforce.records.calibration_file import (
     known_of_eye,
     read_calibration,
 )
-from scleraforce.records.eye import Modulus
 from scleraforce.records.needle import gauge_diameter_m, is_gauge, nearest_gauge
 from scleraforce.records.remark import Remark
 from scleraforce.records.scan import Scan
@@ -200,10 +199,7 @@ def _with_prior_to_learn(
         if holds:
             raise InputError(f"`learn_eye`: {reason}")
 
-    prior = reader.study.calibration
-    population = Modulus(
-        mean_pa=prior.prior_mean_pa, sd_pa=prior.prior_sd_pa, source="population"
-    )
+    population = reader.study.calibration.prior()
     setup = replace(setup, eye=replace(eye, modulus=eye.modulus or population))
     if request.resume is not None and eye.name is not None:
         return resumed_eye(setup, request.resume, eye.name)
