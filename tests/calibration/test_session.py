@@ -62,6 +62,20 @@ def test_the_modulus_after_each_frame_comes_from_the_prior_to_the_eye_s(
         assert frame.own_modulus_pa == pytest.approx(eye.mean_pa, rel=0.06)
 
 
+def test_a_recording_without_a_new_frame_leaves_an_eye_as_it_is(
+    calibration, library, recording
+):
+    before = calibration.eyes["made-up"]
+    twice = calibrate_recordings([recording, recording], STUDY, "hash", library)
+    after = twice.eyes["made-up"]
+    assert (after.means, after.sds, after.frames) == (
+        before.means,
+        before.sds,
+        before.frames,
+    )
+    assert len(after.recordings) == 2
+
+
 def test_the_force_freed_of_offset_and_drift_decides_which_frames_are_calibrated_on(
     library, recording
 ):

@@ -15,7 +15,7 @@ Public:
     evaluation: `Evaluation`, `FrameAnswer`, `check_once`, `evaluate_recordings`,
         `recording_scores`
     seen_frames: `CalibrationSettings`, `frame_order`
-    start_of_an_eye: `ForceFrame`, `StartedEye`
+    start_of_an_eye: `ForceFrame`, `StartedEye`, `first_fit`
     stiffness_from_forces: `TissueTrial`, `eye_of_forces`, `search_stiffening`
     stiffness_from_shape: `EyePosterior`, `calibrate_without_force`
 """

@@ -431,6 +431,11 @@ def _calibrate_eye(
     setup = with_prior(setup_to_calibrate(recording, study), study)
     check_library(setup, study, library)
     taken = _taken_frames(recording, settings, frames, setup, rests_pa)
+    if not taken.frames:
+        if earlier is None:
+            raise nothing_taken(recording, frames, taken.records, study)
+        return _as_before(recording, frames, study, earlier, taken)
+
     started = start_eye(
         _beside_followed(setup, frames, taken.frames),
         taken.frames,
@@ -591,11 +596,34 @@ def _taken_frames(
         )
 
     settings.count(len(trials) - len(order))
-    if not found:
-        raise nothing_taken(recording, frames, records, study)
+    return _TakenFrames(
+        records=tuple(records),
+        places=tuple(found),
+        frames=tuple(frame for frame, _ in found.values()),
+        fits=tuple(fit for _, fit in found.values()),
+        refused=refused,
+    )
 
-    taken, fits = zip(*found.values(), strict=True)
-    return _TakenFrames(tuple(records), tuple(found), taken, fits, refused)
+
+def _as_before(
+    recording: Recording,
+    frames: EyeFrames,
+    study: Study,
+    earlier: EyeCalibration,
+    taken: _TakenFrames,
+) -> TissueTrial[EyeCalibration]:
+    """Return an eye to which a further recording adds no frame."""
+    _, forces, _, _ = frames.labelled()
+    records = (*earlier.frames, *taken.records)
+    remarks = calibration_remarks(recording, frames, records, study)
+    eye = replace(
+        earlier,
+        recordings=used_recordings(recording, forces, earlier, remarks),
+        frames=records,
+    )
+    return TissueTrial(
+        found=eye, refused=taken.refused, frames=0, of_boundaries=0.0, of_forces=0.0
+    )
 
 
 def _beside_followed(

@@ -38,7 +38,6 @@ def filter_eye(
     session = _begin(recording, settings, frames, earlier)
     records = list(() if earlier is None else earlier.frames)
     steps = list(() if earlier is None else earlier.steps)
-    first = len(records)
     left = len(trials) if settings.frames is None else settings.frames
     included = [trial.excluded is None for trial in trials]
     order = frame_order(
@@ -87,8 +86,8 @@ def filter_eye(
         study,
         [Remark("inputs-ignored", words, ("globe",)) for words in ignored],
     )
-    if all(record.skipped is not None for record in records[first:]):
-        raise nothing_taken(recording, frames, records[first:], study)
+    if all(record.skipped is not None for record in records):
+        raise nothing_taken(recording, frames, records, study)
 
     means, sds = eye_filter.parameter_moments(session.filter, session.state)
     return EyeCalibration(

@@ -24,9 +24,14 @@ from platformdirs import user_cache_path
 from scleraforce.base.errors import InputError
 from scleraforce.base.units import from_si, to_si
 from scleraforce.base.worker_processes import available_cores
+from scleraforce.calibration.start_of_an_eye import first_fit
+from scleraforce.fit.curve_placement import PlacesOnFrame, curve_depths
+from scleraforce.fit.frames_of_an_eye import ShownFrame, fit_forces
 from scleraforce.lab.drawn_bscan import render_bscan
 from scleraforce.lab.tissue_light import Pose, sample_optics
-from scleraforce.library.plane_cut import cut_surfaces
+from scleraforce.lab.training.reader_samples import draw_samples
+from scleraforce.library import OUTER
+from scleraforce.library.plane_cut import cut_surfaces, highest_depths
 from scleraforce.library.sealed_eye import iop_ratio_at_dent, iop_ratio_under_force
 from scleraforce.mechanics.axisymmetric_wall import (
     AxisymmetricPath,
@@ -217,6 +222,7 @@ IOP_PA = 270.0
 GAP_M = 0.6e-3
 DEPTH_M = 0.5e-3
 TIP_M = 1.5e-3
+COLUMNS = 128  # of a frame
 FORCES_AGREE = 2e-3  # of a path and of the library between its paths
 READ_WITHIN_N = 1e-3
 AGAIN = (
@@ -242,7 +248,8 @@ def tried(name: str) -> Finding:
 
 def compile_loops() -> None:
     """Compile all loops for all later processes."""
-    _path()
+    resting = _path().curves_sbnc[:1, OUTER]
+    highest_depths(resting, np.array([GAP_M]), np.zeros(1))
     build_mesh(12e-3, THICKNESS_M, divisions=2).locator.locate(
         np.tile([0.0, 0.1, 1.0], (2, 1))
     )
@@ -271,6 +278,35 @@ def compile_loops() -> None:
     force_n = to_si(10.0, "mn") * (1.0 - np.cos(time_s))
     driven_back(force_n, time_s, force_n > 0.0, np.full((1, 1), 0.1), (1.0,))
     estimate_clocks(time_s[::5], force_n[None, ::5], time_s, force_n)
+    _fit_known_force()
+    study = Study()
+    draw_samples(library, study.reader, study.slice, 2, np.random.default_rng(0))
+
+
+def _fit_known_force() -> None:
+    """Fit the boundaries of a frame of known force, as a calibration does."""
+    path = _path()
+    study = Study()
+    _, _, known = _frame()
+    section = cut_surfaces(path.curves_sbnc[-1], GAP_M).shifted(0.0, DEPTH_M)
+    # a curve that loses its last points ends far beyond the frame
+    points = min(len(section.outer), len(section.inner))
+    curves = np.stack([section.outer[:points], section.inner[:points]])
+    lateral_m = np.linspace(-3e-3, 3e-3, COLUMNS)
+    places = PlacesOnFrame(
+        lateral_m=np.tile(lateral_m, 2), boundary=np.repeat([0, 1], COLUMNS)
+    )
+    depth_m, _, _ = curve_depths(curves, places)
+    frame = ShownFrame(
+        lateral_m=lateral_m,
+        depth_bc=depth_m.reshape(2, COLUMNS),
+        force_n=float(path.force_ratio_m2[-1]) * MODULUS_PA,
+    )
+    library = _reader().library
+    alone = first_fit(frame, known, library, study)
+    assert alone is not None  # its wall is one of the library's
+    begun_fn = alone.unknown[None]
+    fit_forces(library, [frame], known, study.reader, 0.0, begun_fn, {})
 
 
 def _solve() -> Finding:

@@ -5,6 +5,7 @@ The only package that imports PyTorch (extra `train`). Imports `lab`, `lab.scene
 
 Public:
     classifier_training: `grid`
+    reader_samples: `draw_samples`
     slice_dataset: `Dataset`, `generate_dataset`, `open_dataset`
     trained_models: `train_classifier`, `train_raw_reader`, `train_reader`,
         `train_wall_finder`
