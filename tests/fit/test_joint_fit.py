@@ -2,6 +2,7 @@
 and known forces.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 from math import exp, log
@@ -22,6 +23,7 @@ from scleraforce.fit import frames_of_an_eye, unknowns as at
 from scleraforce.fit.frames_of_an_eye import (
     COMPLIANCE,
     SHIFT,
+    EyeToFit,
     JointFit,
     ShownFrame,
     fit_forces,
@@ -30,6 +32,7 @@ from scleraforce.fit.frames_of_an_eye import (
 from scleraforce.library import load_library
 from scleraforce.records.globe import SEALED
 from scleraforce.records.model_folder import LIBRARY_FILE, SHIPPED_READER
+from scleraforce.records.setup import Setup
 
 TRUE_PA = 0.3e6
 TIPS_M = tuple(1e-3 * np.linspace(0.3, 3.2, 8))
@@ -77,10 +80,23 @@ def near(tips_m: tuple[float, ...]) -> np.ndarray:
     return np.array(eye_of(tips_m)) * 1.02
 
 
+def to_fit(
+    frames: Sequence[ShownFrame], begun_fn: np.ndarray, setup: Setup = PRIOR
+) -> EyeToFit:
+    return EyeToFit(
+        library=LIBRARY,
+        frames=frames,
+        setup=setup,
+        trained=RANGES,
+        smoothing_m=0.0,
+        begun_fn=begun_fn,
+    )
+
+
 def fitted(
     frames: tuple[ShownFrame, ...], tips_m: tuple[float, ...] = TIPS_M
 ) -> JointFit:
-    return fit_shape(LIBRARY, frames, PRIOR, RANGES, 0.0, near(tips_m))
+    return fit_shape(to_fit(frames, near(tips_m)))
 
 
 @pytest.fixture(scope="module")
@@ -108,16 +124,12 @@ def test_the_same_frames_once_more_do_not_halve_the_variance(once):
     """Frames of one contact share the discrepancy: a plain product over them would be
     surer by 1.41.
     """
-    twice = fit_shape(
-        LIBRARY, shown() * 2, PRIOR, RANGES, 0.0, np.tile(once.unknown_fn, (2, 1))
-    )
+    twice = fit_shape(to_fit(shown() * 2, np.tile(once.unknown_fn, (2, 1))))
     assert once.log_modulus[1] / twice.log_modulus[1] < 1.3
 
 
 def test_the_estimate_does_not_depend_on_the_order(once):
-    turned = fit_shape(
-        LIBRARY, shown()[::-1], PRIOR, RANGES, 0.0, once.unknown_fn[::-1], once.shared
-    )
+    turned = fit_shape(to_fit(shown()[::-1], once.unknown_fn[::-1]), once.shared)
     assert turned.log_modulus == pytest.approx(once.log_modulus, abs=0.02)
 
 
@@ -140,10 +152,10 @@ def test_the_gradient_equals_differences_of_the_cost(
         force_sd_n=0.2e-3,
         iop_pa=1.1 * exp(log(270.0)),
     )
-    problem = frames_of_an_eye._EyeProblem(
-        LIBRARY, [frame], known, RANGES, 0.0, names, has_discrepancy
-    )
-    unknown = problem.begun(np.array([eye_of(TIPS_M)[5]]) * 1.01, None)
+    begun_fn = np.array([eye_of(TIPS_M)[5]]) * 1.01
+    eye = to_fit([frame], begun_fn, known)
+    problem = frames_of_an_eye._EyeProblem(eye, names, has_discrepancy)
+    unknown = problem.begun(begun_fn, None)
     unknown[problem.places(at.MODULUS)] = log(0.31e6)
     unknown[problem.places(at.PRESSURE)] = log(420.0)
     terms, _ = problem.evaluate(unknown)
@@ -174,10 +186,9 @@ def test_eliminating_each_frame_gives_the_step_of_the_whole_matrix(
     names: tuple[int, ...], has_discrepancy: bool
 ):
     """Oracle: the whole normal matrix of shared and own unknowns, solved at once."""
-    problem = frames_of_an_eye._EyeProblem(
-        LIBRARY, shown()[:3], PRIOR, RANGES, 0.0, names, has_discrepancy
-    )
-    unknown = problem.begun(near(TIPS_M[:3]), None)
+    eye = to_fit(shown()[:3], near(TIPS_M[:3]))
+    problem = frames_of_an_eye._EyeProblem(eye, names, has_discrepancy)
+    unknown = problem.begun(eye.begun_fn, None)
     terms, _ = problem.evaluate(unknown)
     step = problem.arrow_step(terms.normal, terms.gradient, 0.0)
     scale = 1.0 / np.sqrt(np.diag(terms.normal))
@@ -193,12 +204,12 @@ def test_a_fit_begins_at_the_frames_own_pressures_and_gaps():
         replace(shown()[number], iop_pa=270.0 * number, gap_m=0.5e-3 + 1e-4 * number)
         for number in (1, 2)
     ]
-    problem = frames_of_an_eye._EyeProblem(
-        LIBRARY, frames, PRIOR, RANGES, 0.0, (at.MODULUS,), False
-    )
     alone_fn = np.array(eye_of(TIPS_M[1:3]))
     alone_fn[:, at.IOP] = np.log([270.0, 540.0])
     alone_fn[:, at.GAP] = 0.6e-3, 0.7e-3
+    problem = frames_of_an_eye._EyeProblem(
+        to_fit(frames, alone_fn), (at.MODULUS,), False
+    )
     begun = problem.begun(alone_fn, None)
 
     for number, frame in enumerate(problem.frames):
@@ -217,7 +228,7 @@ def test_known_forces_give_the_modulus_with_their_level(level: float):
         replace(frame, force_n=float(borne_n), force_sd_n=0.2e-3)
         for frame, borne_n in zip(shown(), forces_n, strict=True)
     ][3:]
-    found = fit_forces(LIBRARY, frames, PRIOR, RANGES, 0.0, near(TIPS_M[3:]), {})
+    found = fit_forces(to_fit(frames, near(TIPS_M[3:])), {})
     mean, sd = found.log_modulus
     assert abs(mean - log(TRUE_PA) - level) < 2.0 * sd
     assert sd < 0.06

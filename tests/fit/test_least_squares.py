@@ -10,6 +10,7 @@ import pytest
 from scleraforce.fit.curve_placement import PlacedCurves, PlacesOnFrame
 from scleraforce.fit.least_squares import (
     CAUCHY,
+    NormalEquations,
     StoppingRule,
     WallColumns,
     gauss_newton,
@@ -35,16 +36,10 @@ class Parabola:
             depth, np.zeros_like(depth), powers, np.ones(len(depth), dtype=bool)
         )
 
-    def evaluate(self, unknown: np.ndarray) -> tuple[PlacedCurves, float]:
+    def evaluate(self, unknown: np.ndarray) -> tuple[NormalEquations, float]:
         placed = self.depth(unknown)
-        return placed, self.columns.loss(placed)
-
-    def normal_equations(
-        self,
-        unknown: np.ndarray,  # noqa: ARG002 - the protocol's
-        placed: PlacedCurves,
-    ) -> tuple[np.ndarray, np.ndarray]:
-        return self.columns.normal_equations(placed)
+        terms = NormalEquations(*self.columns.normal_equations(placed), ())
+        return terms, self.columns.loss(placed)
 
     def inside(self, unknown: np.ndarray) -> np.ndarray:
         return unknown
@@ -61,7 +56,7 @@ def test_the_gradient_is_that_of_the_loss():
     )
     at = TRUE * 1.01
     steps = np.array([1e-9, 1e-6, 1e-3])
-    _, gradient = problem.normal_equations(at, problem.depth(at))
+    gradient = problem.evaluate(at)[0].gradient
 
     for axis, step in enumerate(steps):
         move = step * np.eye(3)[axis]
@@ -90,19 +85,11 @@ class Valley:
         x, y = unknown
         return np.array([10.0 * (y - x * x), 1.0 - x])
 
-    def evaluate(self, unknown: np.ndarray) -> tuple[PlacedCurves, float]:
-        nothing = np.zeros(0)
-        return PlacedCurves(
-            nothing, nothing, nothing[:, None], nothing.astype(bool)
-        ), float(np.sum(self._off(unknown) ** 2))
-
-    def normal_equations(
-        self,
-        unknown: np.ndarray,
-        placed: PlacedCurves,  # noqa: ARG002 - the protocol's
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def evaluate(self, unknown: np.ndarray) -> tuple[NormalEquations, float]:
+        off = self._off(unknown)
         jacobian = np.array([[-20.0 * unknown[0], 10.0], [-1.0, 0.0]])
-        return jacobian.T @ jacobian, -jacobian.T @ self._off(unknown)
+        terms = NormalEquations(jacobian.T @ jacobian, -jacobian.T @ off, ())
+        return terms, float(off @ off)
 
     def inside(self, unknown: np.ndarray) -> np.ndarray:
         return unknown

@@ -14,7 +14,7 @@ import numpy as np
 
 from scleraforce.base.normal_distribution import correlation_of, is_beyond_chance
 from scleraforce.fit import unknowns
-from scleraforce.fit.frames_of_an_eye import JointFit, ShownFrame, fit_forces
+from scleraforce.fit.frames_of_an_eye import EyeToFit, JointFit, ShownFrame, fit_forces
 from scleraforce.fit.one_frame import NO_WALL_M, BoundaryFit, fit_boundaries
 from scleraforce.fit.planes_of_a_moment import PlanesFit
 from scleraforce.fit.prior_of_an_eye import prior_of
@@ -160,17 +160,15 @@ def start_eye(
     if before is not None and before.status == "ok" and globe.can_be_sealed:
         begin = (declared(before.setup.eye.globe, "globe").mean / globe.mean,)
 
-    shown = [frame.shown for frame in frames]
-    fit = fit_forces(
-        library,
-        shown,
-        setup,
-        study.reader,
-        study.calibration.surface_smoothing_m,
-        np.array([fit.unknown for fit in fits]),
-        {SOUGHT[name]: sd for name, sd in sought.items()},
-        begin,
+    eye = EyeToFit(
+        library=library,
+        frames=[frame.shown for frame in frames],
+        setup=setup,
+        trained=study.reader,
+        smoothing_m=study.calibration.surface_smoothing_m,
+        begun_fn=np.array([fit.unknown for fit in fits]),
     )
+    fit = fit_forces(eye, {SOUGHT[name]: sd for name, sd in sought.items()}, begin)
     (log_modulus, ratio), covariance = fit.stiffness
     modulus = declared(setup.eye.modulus, "modulus")
     covariance = covariance + SHAPE_SD**2 * np.diag([1.0, ratio**2])
@@ -191,11 +189,11 @@ def start_eye(
     if unknowns.THICKNESS in fit.names:
         thickness_m, _ = fit.moments(unknowns.THICKNESS)
 
-    eye = replace(setup.eye, modulus=modulus, globe=globe, thickness_m=thickness_m)
+    found = replace(setup.eye, modulus=modulus, globe=globe, thickness_m=thickness_m)
     alone = sum(one.loss for one in fits)
     if before is not None:
         alone = min(alone, before.alone)
-    return StartedEye(replace(setup, eye=eye), fit, alone)
+    return StartedEye(replace(setup, eye=found), fit, alone)
 
 
 def with_prior(setup: Setup, study: Study) -> Setup:

@@ -26,7 +26,7 @@ from scleraforce.calibration.seen_frames import (
 )
 from scleraforce.calibration.start_of_an_eye import first_fit
 from scleraforce.fit import unknowns
-from scleraforce.fit.frames_of_an_eye import JointFit, ShownFrame, fit_shape
+from scleraforce.fit.frames_of_an_eye import EyeToFit, JointFit, ShownFrame, fit_shape
 from scleraforce.fit.prior_of_an_eye import KNOWN_SD
 from scleraforce.library import Library
 from scleraforce.recordings.force_errors import LABEL_SD_N
@@ -163,15 +163,15 @@ class EyePosterior:
             [frame.force_n is not None for frame in shown],
         )
         shown = [shown[place] for place in kept]
-        joint = fit_shape(
-            library,
-            shown,
-            self._with_iop_sd,
-            self.study.reader,
-            self.study.calibration.surface_smoothing_m,
-            np.array([found[place] for place in kept]),
-            None if self.fit is None else self.fit.shared,
+        eye = EyeToFit(
+            library=library,
+            frames=shown,
+            setup=self._with_iop_sd,
+            trained=self.study.reader,
+            smoothing_m=self.study.calibration.surface_smoothing_m,
+            begun_fn=np.array([found[place] for place in kept]),
         )
+        joint = fit_shape(eye, None if self.fit is None else self.fit.shared)
 
         return replace(self, frames=tuple(shown), fit=joint)
 

@@ -6,7 +6,8 @@ Public:
     compiled_fit: `COLUMNS`, `CORRELATED_M`, `OUTER_SD_M`
     curve_placement: `PlacedCurves`, `PlacesOnFrame`, `curve_depths`, `place_curves`,
         `pose_derivatives`
-    frames_of_an_eye: `JointFit`, `ShownFrame`, `fit_forces`, `fit_shape`
+    frames_of_an_eye: `EyeToFit`, `JointFit`, `ShownFrame`, `fit_forces`,
+        `fit_shape`
     least_squares: `StoppingRule`, `WallColumns`, `cauchy_weight`, `gauss_newton`
     one_frame: `BoundaryFit`, `NO_WALL_M`, `fit_boundaries`, `law_of`, `library_walls`,
         `positive_share`

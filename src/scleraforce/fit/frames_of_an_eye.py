@@ -146,6 +146,27 @@ class ShownFrame:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class EyeToFit:
+    """Frames of one eye that are to be fitted at once.
+
+    Attributes:
+        library: that of the eye's contact.
+        frames: their forces are known or not.
+        setup: the eye, its modulus the prior.
+        trained: ranges of what is not declared.
+        smoothing_m: as in `one_frame.fit_boundaries`.
+        begun_fn: unknowns of fits to the single frames (frame, unknown).
+    """
+
+    library: Library
+    frames: Sequence[ShownFrame]
+    setup: Setup
+    trained: ReaderStudy
+    smoothing_m: float
+    begun_fn: Floats
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class JointFit:
     """The fit to all frames of an eye.
 
@@ -239,20 +260,18 @@ class _EyeProblem:
 
     def __init__(
         self,
-        library: Library,
-        frames: Sequence[ShownFrame],
-        setup: Setup,
-        trained: ReaderStudy,
-        smoothing_m: float,
+        eye: EyeToFit,
         names: tuple[int, ...],
         is_discrepancy_sought: bool,
         sds: Mapping[int, float] = MappingProxyType({}),
     ) -> None:
-        prior = prior_of(setup, trained, library.radius_m)
+        frames = eye.frames
+        setup = eye.setup
+        prior = prior_of(setup, eye.trained, eye.library.radius_m)
         for name, sd in sds.items():
             prior.sd[name] = sd
 
-        self.library = library
+        self.library = eye.library
         self.law = law_of(prior.globe)
         self.globe = prior.globe
         resting_pa = setup.eye.iop_pa or float(np.exp(prior.mean[unknowns.IOP]))
@@ -266,7 +285,7 @@ class _EyeProblem:
         ]
         logs = [log((shown.iop_pa or resting_pa) / resting_pa) for shown in frames]
         self.frames = [
-            _FrameOfEye(*of_frame, smoothing_m)
+            _FrameOfEye(*of_frame, eye.smoothing_m)
             for of_frame in zip(frames, logs, gaps_m, strict=True)
         ]
         self.shared_names = names
@@ -592,14 +611,6 @@ class _EyeProblem:
 
         return NormalEquations(prior.normal, prior.gradient, tuple(misfits)), cost
 
-    def normal_equations(
-        self,
-        unknown: Floats,  # noqa: ARG002 - the protocol's
-        placed: NormalEquations,
-    ) -> tuple[Floats, Floats]:
-        """Return the normal matrix and the gradient."""
-        return placed.normal, placed.gradient
-
     def inside(self, unknown: Floats) -> Floats:
         """Return unknowns within the ranges where walls can be cut."""
         unknown = np.clip(unknown, self.low, self.high)
@@ -769,30 +780,13 @@ def _joint_fit(
     )
 
 
-def fit_shape(
-    library: Library,
-    frames: Sequence[ShownFrame],
-    setup: Setup,
-    trained: ReaderStudy,
-    smoothing_m: float,
-    begun_fn: Floats,
-    shared: Floats | None = None,
-) -> JointFit:
+def fit_shape(eye: EyeToFit, shared: Floats | None = None) -> JointFit:
     """Fit the library to all frames of an eye at once, whatever their forces.
 
-    Args:
-        library: that of the eye's contact.
-        frames: their forces are known or not.
-        setup: the eye, its modulus the prior.
-        trained: ranges of what is not declared.
-        smoothing_m: as in `one_frame.fit_boundaries`.
-        begun_fn: unknowns of fits to the single frames (frame, unknown).
-        shared: of an earlier fit, to begin at.
+    `shared` is that of an earlier fit, to begin at.
     """
-    problem = _EyeProblem(
-        library, frames, setup, trained, smoothing_m, _SHARED_SHAPE, True
-    )
-    unknown = problem.begun(begun_fn, shared)
+    problem = _EyeProblem(eye, _SHARED_SHAPE, True)
+    unknown = problem.begun(eye.begun_fn, shared)
     unknown, terms, cost = gauss_newton(problem, unknown, STOPPING, problem.arrow_step)
 
     for _ in range(SIZINGS):
@@ -812,28 +806,18 @@ def fit_shape(
 
 
 def fit_forces(
-    library: Library,
-    frames: Sequence[ShownFrame],
-    setup: Setup,
-    trained: ReaderStudy,
-    smoothing_m: float,
-    begun_fn: Floats,
-    sought: Mapping[int, float],
-    begin: tuple[float, ...] = (),
+    eye: EyeToFit, sought: Mapping[int, float], begin: tuple[float, ...] = ()
 ) -> JointFit:
-    """Fit the library to frames of known force: E and the rigidity of the globe.
+    """Fit the library to frames that all have known forces: E and the rigidity of the
+    globe.
 
-    The first arguments are as in `fit_shape`; all forces are known. `sought` are
-    further unknowns that the frames share, places in `unknowns.NAMES`, with the
-    standard deviations of their priors. `begin` are rigidities over the globe's mean to
-    begin at, by default all over the range of closed eyes.
+    `sought` are further unknowns that the frames share, places in `unknowns.NAMES`,
+    with the standard deviations of their priors. `begin` are rigidities over the
+    globe's mean to begin at, by default all over the range of closed eyes.
     """
-    names = (unknowns.MODULUS, *sought)
-    problem = _EyeProblem(
-        library, frames, setup, trained, smoothing_m, names, False, sought
-    )
+    problem = _EyeProblem(eye, (unknowns.MODULUS, *sought), False, sought)
     ratios = (1.0,) if problem.law.is_open else begin or START_RATIOS
-    starts = [problem.begun_at(begun_fn, ratio) for ratio in ratios]
+    starts = [problem.begun_at(eye.begun_fn, ratio) for ratio in ratios]
     costs = [problem.evaluate(start)[1] for start in starts]
     ended = [
         gauss_newton(problem, starts[number], STOPPING, problem.arrow_step)

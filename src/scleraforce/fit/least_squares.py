@@ -98,21 +98,11 @@ class NormalEquations:
     misfits: tuple[float, ...]
 
 
-Prediction = TypeVar("Prediction")
+class LeastSquaresProblem(Protocol):
+    """A fit to frames: unknowns (unknown,), each with a prior."""
 
-
-class LeastSquaresProblem(Protocol[Prediction]):
-    """A fit to a frame: unknowns (unknown,), each with a prior."""
-
-    def evaluate(self, unknown: Floats) -> tuple[Prediction, float]:
-        """Return the prediction and its cost."""
-
-    def normal_equations(
-        self, unknown: Floats, placed: Prediction
-    ) -> tuple[Floats, Floats]:
-        """Return the normal matrix (unknown, unknown) and the gradient (unknown,), with
-        the prior.
-        """
+    def evaluate(self, unknown: Floats) -> tuple[NormalEquations, float]:
+        """Return the normal equations, with the prior, and the cost."""
 
     def inside(self, unknown: Floats) -> Floats:
         """Return the nearest unknowns that can be predicted for."""
@@ -172,26 +162,26 @@ def _scaled(normal: Floats) -> tuple[Floats, Floats]:
 
 
 def gauss_newton(
-    problem: LeastSquaresProblem[Prediction],
+    problem: LeastSquaresProblem,
     start: Floats,
     stopping: StoppingRule,
     find_step: Callable[[Floats, Floats, float], Floats] = damped_step,
-) -> tuple[Floats, Prediction, float]:
-    """Return the fitted unknowns, their prediction and their cost; `find_step` solves
-    normal equations with a damping.
+) -> tuple[Floats, NormalEquations, float]:
+    """Return the fitted unknowns, their normal equations and their cost; `find_step`
+    solves normal equations with a damping.
     """
     unknown = start
     damping = FIRST_DAMPING
-    prediction, cost = problem.evaluate(unknown)
-    normal, gradient = problem.normal_equations(unknown, prediction)
+    terms, cost = problem.evaluate(unknown)
 
     for _ in range(stopping.iterations):
-        trial = problem.inside(unknown + find_step(normal, gradient, damping))
+        step = find_step(terms.normal, terms.gradient, damping)
+        trial = problem.inside(unknown + step)
         step = trial - unknown
-        if float(step @ normal @ step) < stopping.converged_sd**2:
+        if float(step @ terms.normal @ step) < stopping.converged_sd**2:
             break
 
-        trial_prediction, trial_cost = problem.evaluate(trial)
+        trial_terms, trial_cost = problem.evaluate(trial)
         damping, is_better, has_settled = judge_step(
             damping, cost - trial_cost, stopping
         )
@@ -199,11 +189,9 @@ def gauss_newton(
             continue
 
         unknown = trial
-        prediction = trial_prediction
+        terms = trial_terms
         cost = trial_cost
         if has_settled:
             break
 
-        normal, gradient = problem.normal_equations(unknown, prediction)
-
-    return unknown, prediction, cost
+    return unknown, terms, cost

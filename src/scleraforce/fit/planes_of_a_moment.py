@@ -301,14 +301,6 @@ class _PlanesProblem:
         """Return the normal equations and the cost."""
         return self.terms(unknown, [1.0] * len(self.planes))
 
-    def normal_equations(
-        self,
-        unknown: Floats,  # noqa: ARG002 - the protocol's
-        placed: NormalEquations,
-    ) -> tuple[Floats, Floats]:
-        """Return the normal matrix and the gradient."""
-        return placed.normal, placed.gradient
-
     def inside(self, unknown: Floats) -> Floats:
         """Return unknowns that the library has."""
         for number in range(len(self.planes)):

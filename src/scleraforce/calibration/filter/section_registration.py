@@ -229,8 +229,8 @@ def register(
     """
     sought = stated_wall(model.setup, modulus_pa, force_n, float(prior.mean[BY_POLAR]))
     fit = _SectionProblem(model, _thinned(boundaries), sought, prior)
-    unknown, placed, _ = least_squares.gauss_newton(fit, fit.start(), STOPPING)
-    return fit.result(unknown, placed)
+    unknown, _, _ = least_squares.gauss_newton(fit, fit.start(), STOPPING)
+    return fit.result(unknown)
 
 
 def _thinned(boundaries: Boundaries) -> least_squares.WallColumns:
@@ -314,46 +314,41 @@ class _SectionProblem:
     def _state(self, log_modulus: float) -> WallState:
         return replace(self.sought, youngs_modulus_pa=float(np.exp(log_modulus)))
 
-    def evaluate(self, unknown: Floats) -> tuple[curve_placement.PlacedCurves, float]:
-        """Return the prediction and the cost."""
+    def evaluate(self, unknown: Floats) -> tuple[least_squares.NormalEquations, float]:
+        """Return the normal equations, in which fixed unknowns do not move, and the
+        cost.
+        """
+        placed = self._predict(unknown)
+        away = unknown - self.mean
+        normal, gradient = self.columns.normal_equations(placed)
+        normal += self.precision
+        normal[~self.free, ~self.free] = 1.0
+        terms = least_squares.NormalEquations(
+            normal, gradient - self.precision @ away, ()
+        )
+
+        return terms, self.columns.loss(placed) + float(away @ self.precision @ away)
+
+    def inside(self, unknown: Floats) -> Floats:
+        """Return the unknowns as they are: linear mechanics has no bounds."""
+        return unknown
+
+    def _predict(self, unknown: Floats) -> curve_placement.PlacedCurves:
+        """Return what the frame shows; fixed unknowns do not move it."""
         placed = predict_frame(
             self.model,
             self._state(unknown[LOG_MODULUS]),
             unknown[:5],
             self.columns.places,
         )
-        away = unknown - self.mean
-
-        return placed, self.columns.loss(placed) + float(away @ self.precision @ away)
-
-    def normal_equations(
-        self, unknown: Floats, placed: curve_placement.PlacedCurves
-    ) -> tuple[Floats, Floats]:
-        """Return the normal matrix (6, 6) and the gradient (6,); fixed unknowns do not
-        move.
-        """
-        normal, gradient = self.columns.normal_equations(self._movable(placed))
-        normal += self.precision
-        normal[~self.free, ~self.free] = 1.0
-        return normal, gradient - self.precision @ (unknown - self.mean)
-
-    def inside(self, unknown: Floats) -> Floats:
-        """Return the unknowns as they are: linear mechanics has no bounds."""
-        return unknown
-
-    def _movable(
-        self, placed: curve_placement.PlacedCurves
-    ) -> curve_placement.PlacedCurves:
-        """Return a prediction that fixed unknowns do not move."""
         return replace(placed, jacobian=placed.jacobian * self.free)
 
-    def result(
-        self, unknown: Floats, placed: curve_placement.PlacedCurves
-    ) -> Registered:
+    def result(self, unknown: Floats) -> Registered:
         """Return the fit, its covariance scaled by the misfit (Birge 1932)."""
+        placed = self._predict(unknown)
         size = np.abs(self.columns.residual(placed)[placed.seen])
         scale = max(1.0, normal_distribution.robust_spread(size)) if len(size) else 1.0
-        data, _ = self.columns.normal_equations(self._movable(placed), scale)
+        data, _ = self.columns.normal_equations(placed, scale)
         covariance = self._inverse(data + self.precision)
         wall = self._state(unknown[LOG_MODULUS])
 

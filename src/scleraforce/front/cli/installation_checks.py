@@ -26,7 +26,7 @@ from scleraforce.base.units import from_si, to_si
 from scleraforce.base.worker_processes import available_cores
 from scleraforce.calibration.start_of_an_eye import first_fit
 from scleraforce.fit.curve_placement import PlacesOnFrame, curve_depths
-from scleraforce.fit.frames_of_an_eye import ShownFrame, fit_forces
+from scleraforce.fit.frames_of_an_eye import EyeToFit, ShownFrame, fit_forces
 from scleraforce.lab.drawn_bscan import render_bscan
 from scleraforce.lab.tissue_light import Pose, sample_optics
 from scleraforce.lab.training.reader_samples import draw_samples
@@ -305,8 +305,15 @@ def _fit_known_force() -> None:
     library = _reader().library
     alone = first_fit(frame, known, library, study)
     assert alone is not None  # its wall is one of the library's
-    begun_fn = alone.unknown[None]
-    fit_forces(library, [frame], known, study.reader, 0.0, begun_fn, {})
+    eye = EyeToFit(
+        library=library,
+        frames=[frame],
+        setup=known,
+        trained=study.reader,
+        smoothing_m=0.0,
+        begun_fn=alone.unknown[None],
+    )
+    fit_forces(eye, {})
 
 
 def _solve() -> Finding:
