@@ -30,6 +30,7 @@ from scleraforce.fit.frames_of_an_eye import (
     fit_shape,
 )
 from scleraforce.library import load_library
+from scleraforce.library.sealed_eye import iop_ratio_at_dent
 from scleraforce.records.globe import SEALED
 from scleraforce.records.model_folder import LIBRARY_FILE, SHIPPED_READER
 from scleraforce.records.setup import Setup
@@ -41,6 +42,7 @@ PRIOR = eye_of_population(0.36e6, 0.12e6)
 SHIFT_M = 0.3e-3
 LIBRARY = load_library(SHIPPED_READER / LIBRARY_FILE).for_contact(0.6)
 WALLS = Walls(LIBRARY)
+SEALED_WALLS = Walls(LIBRARY, SEALED)
 
 
 def eye_of(tips_m: tuple[float, ...]) -> list[np.ndarray]:
@@ -235,6 +237,37 @@ def test_known_forces_give_the_modulus_with_their_level(level: float):
     assert found.forces_n == pytest.approx(
         forces_n[3:] * np.exp(-found.shared[4]), rel=0.02
     )
+
+
+@pytest.mark.parametrize("rigidity", [0.3, 1.0, 1.5])
+def test_known_forces_give_modulus_and_rigidity_of_any_closed_globe(rigidity: float):
+    """Single frames tell the pressure over E by their shape, whatever E they were
+    fitted with; the fit begins where they and their forces lie.
+    """
+    tips_m = (1.0e-3, 1.4e-3, 1.6e-3)
+    law = SEALED.pressure_law(rigidity * SEALED.mean).over(TRUE_PA)
+    eyes = np.array(eye_of(tips_m))
+    walls = eyes[:, at.THICKNESS], np.exp(eyes[:, at.IOP]) / TRUE_PA
+    pressures_pa = TRUE_PA * iop_ratio_at_dent(LIBRARY, *walls, eyes[:, at.TIP], law)
+    eyes[:, at.PRESSURE] = np.log(pressures_pa)
+    rng = np.random.default_rng(8)
+    frames = [
+        ShownFrame(
+            lateral_m=LATERAL_M,
+            depth_bc=noisy_boundaries(predict_wall(SEALED_WALLS, eye, BOTH), 2e-6, rng),
+            force_n=float(force_n(SEALED_WALLS, eye[None])[0]),
+            force_sd_n=0.2e-3,
+        )
+        for eye in eyes
+    ]
+    alone_fn = eyes.copy()
+    alone_fn[:, [at.MODULUS, at.PRESSURE]] += 0.3
+    setup = replace(PRIOR, eye=replace(PRIOR.eye, globe=SEALED))
+    found = fit_forces(to_fit(frames, alone_fn, setup), {})
+    log_modulus, ratio = found.stiffness[0]
+    assert log_modulus == pytest.approx(log(TRUE_PA), abs=0.03)
+    assert ratio == pytest.approx(rigidity, rel=0.05)
+    assert found.cost < 10.0 * len(frames)
 
 
 def test_travel_makes_the_modulus_surer_and_finds_compliance_and_shift(

@@ -152,14 +152,9 @@ def start_eye(
         study: ranges of what is not stated, and the segmentation's smoothing.
         sought: what is uncertain and found as well: names in `SOUGHT`, with the
             standard deviations of what is stated, that of the IOP's logarithm.
-        before: the eye by the same frames and walls of another tissue, where the
-            search begins; None: it begins anywhere.
+        before: the eye by the same frames and walls of another tissue.
     """
     globe = declared(setup.eye.globe, "globe")
-    begin = tuple[float, ...]()
-    if before is not None and before.status == "ok" and globe.can_be_sealed:
-        begin = (declared(before.setup.eye.globe, "globe").mean / globe.mean,)
-
     eye = EyeToFit(
         library=library,
         frames=[frame.shown for frame in frames],
@@ -168,7 +163,7 @@ def start_eye(
         smoothing_m=study.calibration.surface_smoothing_m,
         begun_fn=np.array([fit.unknown for fit in fits]),
     )
-    fit = fit_forces(eye, {SOUGHT[name]: sd for name, sd in sought.items()}, begin)
+    fit = fit_forces(eye, {SOUGHT[name]: sd for name, sd in sought.items()})
     (log_modulus, ratio), covariance = fit.stiffness
     modulus = declared(setup.eye.modulus, "modulus")
     covariance = covariance + SHAPE_SD**2 * np.diag([1.0, ratio**2])

@@ -116,10 +116,7 @@ FARTHEST = 8.0  # standard deviations that unknowns may leave their prior by
 EXTRA_STEP = 1e-5
 LEAST_N = 1e-6
 LEAST_PA = 1.0
-# starts of a globe that may be sealed: its rigidity over the mean; the best ones are
-# followed to the end
-START_RATIOS = (0.05, 0.25, 0.6, 1.0, 1.6)
-STARTS = 2
+TINY = 1e-12  # of a rise of the level
 START_ROUNDS = 3
 # steps for derivatives of force and volume
 STEPS = np.where(np.isin(MOVING, (unknowns.TIP, unknowns.THICKNESS)), 1e-7, 1e-4)
@@ -395,17 +392,18 @@ class _EyeProblem:
         own = (unknown_fn - beside_eye)[:, list(self.own_names)]
         return self.inside(np.concatenate([begun, own.ravel()]))
 
-    def begun_at(self, unknown_fn: Floats, ratio: float) -> Floats:
+    def begun_by_forces(self, unknown_fn: Floats) -> Floats:
         """Return the unknowns at fits of single frames (frame, unknown), whose forces
-        are known, and at a rigidity over the globe's mean.
-
-        E, and the pressure under the needle, are what forces and rigidity then tell.
+        are known: E, rigidity, and the pressure under the needle are what they tell.
         """
         unknown_fn = unknown_fn.copy()
         force_n = np.array([frame.shown.force_n for frame in self.frames], np.float64)
         unknown = self.begun(unknown_fn, None)
-        unknown[self.extras][RIGIDITY] = ratio
-        unknown = self.inside(unknown)
+        if not self.law.is_open:
+            ratio = self._rigidity_ratio(unknown_fn, force_n)
+            unknown[self.extras][RIGIDITY] = ratio
+            unknown = self.inside(unknown)
+
         law = self.globe.pressure_law(
             self.globe.mean * float(unknown[self.extras][RIGIDITY])
         )
@@ -424,6 +422,24 @@ class _EyeProblem:
         )
         unknown[self.places(unknowns.PRESSURE)] = unknown_fn[:, unknowns.PRESSURE]
         return self.inside(unknown)
+
+    def _rigidity_ratio(self, unknown_fn: Floats, force_n: Floats) -> float:
+        """Return the rigidity, over the globe's mean, that single frames tell with
+        their forces.
+
+        The shape of a dent tells the pressure over E; the force is E times what the
+        library has for that dent, and the pressure follows.
+        """
+        forces, volumes = self.forces_volumes(unknown_fn)
+        pressed_pa = (
+            np.exp(unknown_fn[:, unknowns.PRESSURE])
+            * force_n
+            / np.maximum(forces, LEAST_N)
+        )
+        resting_pa = np.exp(unknown_fn[:, unknowns.IOP])
+        globe = self.globe.pressure_law(self.globe.mean)
+        risen = globe.level(pressed_pa) - globe.level(resting_pa)
+        return float(np.median(risen / np.maximum(globe.rate * volumes, TINY)))
 
     def named(self, frame: _FrameOfEye, unknown: Floats) -> Floats:
         """Return a frame's unknowns in the order of `NAMES`."""
@@ -805,24 +821,15 @@ def fit_shape(eye: EyeToFit, shared: Floats | None = None) -> JointFit:
     return fit
 
 
-def fit_forces(
-    eye: EyeToFit, sought: Mapping[int, float], begin: tuple[float, ...] = ()
-) -> JointFit:
+def fit_forces(eye: EyeToFit, sought: Mapping[int, float]) -> JointFit:
     """Fit the library to frames that all have known forces: E and the rigidity of the
     globe.
 
     `sought` are further unknowns that the frames share, places in `unknowns.NAMES`,
-    with the standard deviations of their priors. `begin` are rigidities over the
-    globe's mean to begin at, by default all over the range of closed eyes.
+    with the standard deviations of their priors.
     """
     problem = _EyeProblem(eye, (unknowns.MODULUS, *sought), False, sought)
-    ratios = (1.0,) if problem.law.is_open else begin or START_RATIOS
-    starts = [problem.begun_at(eye.begun_fn, ratio) for ratio in ratios]
-    costs = [problem.evaluate(start)[1] for start in starts]
-    ended = [
-        gauss_newton(problem, starts[number], STOPPING, problem.arrow_step)
-        for number in np.argsort(costs)[:STARTS].tolist()
-    ]
-    unknown, terms, cost = min(ended, key=lambda each: each[2])
+    start = problem.begun_by_forces(eye.begun_fn)
+    unknown, terms, cost = gauss_newton(problem, start, STOPPING, problem.arrow_step)
     fit = _joint_fit(problem, unknown, terms, cost)
     return replace(fit, declared_sd=problem.declared_sd(terms))
