@@ -1,9 +1,5 @@
 """Where E and k of an eye lie: one fit to all its frames and their known forces, with
 which a calibration begins.
-
-Walls in three dimensions bend a little otherwise than the library's, alike in all
-frames: the shape of their dents tells E and k no better than `SHAPE_SD`, however many
-the frames.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,8 +21,6 @@ from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
 from scleraforce.wall.wall_in_metres import Boundaries
 
-# relative, of E and k: how far the shape of dents in three dimensions leads them astray
-SHAPE_SD = 0.1
 # Loss of the boundaries of a frame of an even wall. Walls that the library does not
 # have lose more, whatever their tissue, and say less of it.
 EVEN_LOSS = 5.0
@@ -166,7 +160,6 @@ def start_eye(
     fit = fit_forces(eye, {SOUGHT[name]: sd for name, sd in sought.items()})
     (log_modulus, ratio), covariance = fit.stiffness
     modulus = declared(setup.eye.modulus, "modulus")
-    covariance = covariance + SHAPE_SD**2 * np.diag([1.0, ratio**2])
     mean_pa = exp(log_modulus)
     sds = np.sqrt(np.diag(covariance))
     modulus = replace(modulus, mean_pa=mean_pa, sd_pa=float(sds[0]) * mean_pa)

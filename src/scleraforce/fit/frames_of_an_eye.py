@@ -14,8 +14,9 @@ largest marginal likelihood; they are at least as large as even walls in three
 dimensions need.
 
 From forces (`fit_forces`) the frames share E, the rigidity of the globe, and what is
-sought beside them. All else is each frame's own, as it is when a reader reads it: that
-E makes up for what is declared wrongly.
+sought beside them; poses, forms and pressures are each frame's own. What is declared of
+the eye, and the library's forces, are taken for right: E makes up for their errors, and
+`JointFit.declared_sd` says by how much.
 
 Beside the pictures, a frame may have the needle's travel (dent + force x the bed's
 compliance + a shift, both unknown), a pressure of its own (a known change of the IOP),
@@ -84,7 +85,9 @@ _DECLARED = (
 LARGEST_DISCREPANCY = 3.0  # of level and growth
 TRAVEL_SD_M = 10e-6  # standard deviation of a travel
 TIP_SD = 0.01  # its share for the library's dent
-LEAST_FORCE_SD = 1e-3  # relative, of a known force
+LEAST_FORCE_SD = 0.01  # relative, of a known force
+# standard deviations of what is taken for right, over those that it has
+CERTAIN = 0.05
 # length left out at either end of a frame's surface, where the segmentation bends it up
 EDGE_M = 0.7e-3
 COARSER = 2  # columns of a single frame's fit for one here
@@ -174,7 +177,7 @@ class JointFit:
     boundaries over their SDs, `resting_m` and `growing_m` are sizes of the discrepancy:
     of any dent, and of one of 2 mm. `cost` is that of boundaries and prior, `forces_n`
     (frame,) are the frames' forces. `declared_sd`: standard deviation of ln E by the
-    errors of what is declared of the eye, where frames do not share these unknowns.
+    errors of what was taken for right.
     """
 
     names: tuple[int, ...]
@@ -252,19 +255,25 @@ class _EyeProblem:
 
     Unknown: the shared ones (`JointFit.shared`), then each frame's own. `noise` and the
     discrepancy's sizes stay while it is solved; `resize` finds them anew. `sds`: of the
-    priors of some unknowns (`unknowns.NAMES`), in place of the usual ones.
+    priors of some unknowns (`unknowns.NAMES`), in place of the usual ones. `known_sd`
+    (unknown,): how well what is declared of the eye is known.
     """
 
     def __init__(
         self,
         eye: EyeToFit,
         names: tuple[int, ...],
-        is_discrepancy_sought: bool,
+        is_from_shape: bool,
         sds: Mapping[int, float] = MappingProxyType({}),
     ) -> None:
         frames = eye.frames
         setup = eye.setup
         prior = prior_of(setup, eye.trained, eye.library.radius_m)
+        extra_sd = EXTRA_SD.copy()
+        self.known_sd = prior.sd.copy()
+        if not is_from_shape:
+            prior.sd[list(_DECLARED)] *= CERTAIN
+            extra_sd[[LEVEL, GROWTH]] *= CERTAIN
         for name, sd in sds.items():
             prior.sd[name] = sd
 
@@ -290,7 +299,7 @@ class _EyeProblem:
             name for name in range(len(unknowns.NAMES)) if name not in names
         )
         self.extras = slice(len(names), len(names) + len(EXTRA_MEAN))
-        weights = np.zeros(WEIGHTS if is_discrepancy_sought else 0)
+        weights = np.zeros(WEIGHTS if is_from_shape else 0)
         self.weights = slice(self.extras.stop, self.extras.stop + len(weights))
         shared = np.array(names)
         own = np.array(self.own_names)
@@ -305,7 +314,7 @@ class _EyeProblem:
         self.sd = np.concatenate(
             [
                 prior.sd[shared],
-                EXTRA_SD,
+                extra_sd,
                 weights + np.inf,  # their precision is that of the sizes
                 np.tile(prior.sd[own], len(frames)),
             ]
@@ -323,8 +332,6 @@ class _EyeProblem:
         heavy = [self.places(name) for name in HEAVY]
         if unknowns.THICKNESS in names:
             heavy.append(self.places(unknowns.THICKNESS))
-        if not is_discrepancy_sought:
-            heavy.append(self.extras.start + np.array([LEVEL, GROWTH]))
         self.heavy = np.concatenate(heavy)
         self.noise = 1.0
         self.precision = np.diag(self.sd**-2.0)
@@ -701,22 +708,30 @@ class _EyeProblem:
         return self._eliminate(terms.normal, terms.gradient, 0.0)[0]
 
     def declared_sd(self, terms: NormalEquations) -> float:
-        """Return the standard deviation of ln E by the errors of what is declared.
+        """Return the standard deviation of ln E by the errors of what is taken for
+        right: what is declared of the eye, and the library's forces.
 
-        Of each, one standard deviation is moved in the priors of all frames; E follows
+        Of each, the prior of all frames is moved by one standard deviation; E follows
         as the normal equations have it.
         """
-        variance = 0.0
         (modulus,) = self.places(unknowns.MODULUS)
+        moved = [
+            (self.places(name), float(self.known_sd[name]))
+            for name in _DECLARED
+            if name in self.own_names
+        ]
+        moved += [
+            (np.array([self.extras.start + number]), float(EXTRA_SD[number]))
+            for number in (LEVEL, GROWTH)
+        ]
+        variance = 0.0
 
-        for name in _DECLARED:
-            if name in self.own_names:
-                places = self.places(name)
-                pull = np.zeros(self.count)
-                pull[places] = 1.0 / self.sd[places]
-                left, _ = self._eliminate(terms.normal, pull, 0.0)
-                follows = covariance_of(left.normal) @ left.gradient
-                variance += float(follows[modulus]) ** 2
+        for places, sd in moved:
+            pull = np.zeros(self.count)
+            pull[places] = sd / self.sd[places] ** 2
+            left, _ = self._eliminate(terms.normal, pull, 0.0)
+            follows = covariance_of(left.normal) @ left.gradient
+            variance += float(follows[modulus]) ** 2
 
         return sqrt(variance)
 
