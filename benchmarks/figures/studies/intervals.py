@@ -45,6 +45,7 @@ def rows(
 @click.option("--write", is_flag=True, help="Write the factors into the folder.")
 def main(model: Path, eyes: int, workers: int, write: bool) -> None:
     """Measure, print, and write the factors if asked to."""
+    model = model.resolve()  # the reader of living eyes lacks a library of its own
     reader = load_force_reader(model)
     path = model / "model.json"
     record = json.loads(path.read_text(encoding="utf-8"))
