@@ -9,7 +9,7 @@ Linear mechanics is the paper's, and so is its filter (`filtered_eye`).
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import exp
+from math import exp, hypot
 
 import numpy as np
 
@@ -455,6 +455,7 @@ def _calibrate_eye(
     )
     records += _reread_records(taken, after, setup, started.status)
     names, means, sds = _parameters(after.setup, started)
+    modulus, globe = own_modulus_and_globe(after.setup)
     leaks = () if rests_pa is None else (LEAKS,)
     remarks = calibration_remarks(recording, frames, records, study, leaks)
     eye = EyeCalibration(
@@ -464,7 +465,7 @@ def _calibrate_eye(
         sds=sds,
         bounds_n=study.classes.bounds_n,
         stated_thickness_m=declared(after.setup.eye.thickness_m, "eye: thickness_m"),
-        globe=declared(after.setup.eye.globe, "globe"),
+        globe=globe,
         recordings=used_recordings(recording, forces, earlier, remarks),
         frames=tuple(records),
         discrepancy=after.setup.eye.discrepancy,
@@ -472,7 +473,7 @@ def _calibrate_eye(
         relaxation=relaxation,
         lean_rad=one_lean(recording.info.needle.lean_rad),
         prior=declared(setup.eye.modulus, "modulus"),
-        declared_sd=started.fit.declared_sd,
+        whole_sd_pa=hypot(modulus.sd_pa, started.fit.declared_sd * modulus.mean_pa),
     )
 
     if eye.status != "ok":

@@ -4,7 +4,7 @@ and as its file.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from math import exp, floor, hypot, isfinite, log10, sqrt
+from math import exp, floor, isfinite, log10, sqrt
 from typing import Any
 
 import numpy as np
@@ -112,8 +112,8 @@ class EyeCalibration:
     read again (`calibration.stiffness_from_forces`); `without_force`: E is from the
     shape of the dents (`calibration.stiffness_from_shape`). The filter's `state`, from
     which the eye's next recording continues, its `steps`, for figures, and the `prior`
-    of E are missing if read from a file. `declared_sd`: relative standard deviation of
-    E by the errors of what is declared of the eye; forces do not feel it.
+    of E are missing if read from a file. `whole_sd_pa`: standard deviation of E with
+    the errors of what is declared of the eye, which forces do not feel; None: without.
     """
 
     id: str
@@ -135,7 +135,7 @@ class EyeCalibration:
     steps: tuple[FrameStep, ...] = field(default=(), repr=False)
     filter: EyeFilter | None = field(default=None, repr=False)
     prior: Modulus | None = None
-    declared_sd: float = 0.0
+    whole_sd_pa: float | None = None
 
     @property
     def used(self) -> tuple[FrameRecord, ...]:
@@ -159,7 +159,7 @@ class EyeCalibration:
         """Standard deviation of Young's modulus, with the errors of what is declared of
         the eye, for which `mean_pa` makes up.
         """
-        return hypot(self.effective_sd_pa, self.declared_sd * self.mean_pa)
+        return self.effective_sd_pa if self.whole_sd_pa is None else self.whole_sd_pa
 
     @property
     def thickness_m(self) -> float:
@@ -626,7 +626,7 @@ def _saved_eye(
         relaxation=eye.relaxation,
         lean_rad=eye.calibrated_lean_rad,
         appearance=summary.appearance,
-        declared_sd=sqrt(max(saved.sd_pa**2 - modulus.sd_pa**2, 0.0)) / modulus.mean_pa,
+        whole_sd_pa=saved.sd_pa,
     )
     if not found.used or not found.recordings:
         raise CalibrationError(

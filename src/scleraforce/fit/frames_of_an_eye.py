@@ -255,25 +255,26 @@ class _EyeProblem:
 
     Unknown: the shared ones (`JointFit.shared`), then each frame's own. `noise` and the
     discrepancy's sizes stay while it is solved; `resize` finds them anew. `sds`: of the
-    priors of some unknowns (`unknowns.NAMES`), in place of the usual ones. `known_sd`
-    (unknown,): how well what is declared of the eye is known.
+    priors of some unknowns (`unknowns.NAMES`), in place of the usual ones. `certain`:
+    the standard deviations of what is declared, and of the library's forces, over those
+    that they have, `known_sd` (unknown,).
     """
 
     def __init__(
         self,
         eye: EyeToFit,
         names: tuple[int, ...],
-        is_from_shape: bool,
+        is_discrepancy_sought: bool,
         sds: Mapping[int, float] = MappingProxyType({}),
+        certain: float = 1.0,
     ) -> None:
         frames = eye.frames
         setup = eye.setup
         prior = prior_of(setup, eye.trained, eye.library.radius_m)
         extra_sd = EXTRA_SD.copy()
         self.known_sd = prior.sd.copy()
-        if not is_from_shape:
-            prior.sd[list(_DECLARED)] *= CERTAIN
-            extra_sd[[LEVEL, GROWTH]] *= CERTAIN
+        prior.sd[list(_DECLARED)] *= certain
+        extra_sd[[LEVEL, GROWTH]] *= certain
         for name, sd in sds.items():
             prior.sd[name] = sd
 
@@ -299,7 +300,7 @@ class _EyeProblem:
             name for name in range(len(unknowns.NAMES)) if name not in names
         )
         self.extras = slice(len(names), len(names) + len(EXTRA_MEAN))
-        weights = np.zeros(WEIGHTS if is_from_shape else 0)
+        weights = np.zeros(WEIGHTS if is_discrepancy_sought else 0)
         self.weights = slice(self.extras.stop, self.extras.stop + len(weights))
         shared = np.array(names)
         own = np.array(self.own_names)
@@ -332,6 +333,8 @@ class _EyeProblem:
         heavy = [self.places(name) for name in HEAVY]
         if unknowns.THICKNESS in names:
             heavy.append(self.places(unknowns.THICKNESS))
+        if not is_discrepancy_sought:
+            heavy.append(self.extras.start + np.array([LEVEL, GROWTH]))
         self.heavy = np.concatenate(heavy)
         self.noise = 1.0
         self.precision = np.diag(self.sd**-2.0)
@@ -841,10 +844,14 @@ def fit_forces(eye: EyeToFit, sought: Mapping[int, float]) -> JointFit:
     globe.
 
     `sought` are further unknowns that the frames share, places in `unknowns.NAMES`,
-    with the standard deviations of their priors.
+    with the standard deviations of their priors. The fit's cost is that with what is
+    declared as unsure as it is.
     """
-    problem = _EyeProblem(eye, (unknowns.MODULUS, *sought), False, sought)
+    names = (unknowns.MODULUS, *sought)
+    problem = _EyeProblem(eye, names, False, sought, CERTAIN)
     start = problem.begun_by_forces(eye.begun_fn)
-    unknown, terms, cost = gauss_newton(problem, start, STOPPING, problem.arrow_step)
+    unknown, terms, _ = gauss_newton(problem, start, STOPPING, problem.arrow_step)
+    unsure = _EyeProblem(eye, names, False, sought)
+    _, _, cost = gauss_newton(unsure, unknown, STOPPING, unsure.arrow_step)
     fit = _joint_fit(problem, unknown, terms, cost)
     return replace(fit, declared_sd=problem.declared_sd(terms))

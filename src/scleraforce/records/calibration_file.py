@@ -264,16 +264,17 @@ def globe_entry(globe: Globe) -> dict[str, Any]:
     """Return the entry of a globe in the file, with the band that holds its rigidity
     with 90 %.
     """
-    values = dict(zip(("low", "high"), globe.band, strict=True))
-    values |= {
-        name: getattr(globe, name) for name in ("mean", "sd", "lowest", "highest")
+    low, high = (from_si(end, "mmhg13_per_ul") for end in globe.band)
+    # the band is computed anew from what a file has: its last digits would move
+    band = {"low": float(f"{low:.9g}"), "high": float(f"{high:.9g}")}
+    moments = {
+        name: from_si(getattr(globe, name), "mmhg13_per_ul")
+        for name in ("mean", "sd", "lowest", "highest")
     }
     return {
         "kind": globe.kind,
         "rigidity_law": globe.law,
-        "rigidity_mmhg13_per_ul": {
-            name: from_si(value, "mmhg13_per_ul") for name, value in values.items()
-        },
+        "rigidity_mmhg13_per_ul": band | moments,
         "correlation": globe.correlation,
         "calibrated": globe.calibrated,
         "rigidity_told": globe.rigidity_told,
