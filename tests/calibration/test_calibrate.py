@@ -18,7 +18,7 @@ from small_recordings import calibration_of_a_sealed_eye
 
 from scleraforce.base.errors import CalibrationError
 from scleraforce.base.units import SI_PER_UNIT
-from scleraforce.calibration import calibrate, seen_frames
+from scleraforce.calibration import calibrate, found_walls, seen_frames
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.calibration import (
     Calibration,
@@ -308,12 +308,12 @@ def test_a_globe_is_doubted_if_frames_agree_on_another_one_and_each_is_segmented
 ):
     calls = Counter[str]()
 
-    def counted(name: str) -> Callable[..., Any]:
-        original = getattr(seen_frames, name)
+    def counted(module: Any, name: str) -> Callable[..., Any]:
+        original = getattr(module, name)
         return lambda *given: calls.update([name]) or original(*given)
 
-    for name in ("find_wall", "label_frames"):
-        monkeypatch.setattr(seen_frames, name, counted(name))
+    for module, name in ((found_walls, "find_wall"), (seen_frames, "label_frames")):
+        monkeypatch.setattr(module, name, counted(module, name))
 
     asked = diverging(status, rigidity)
     eye = calibrate_recordings(

@@ -14,6 +14,7 @@ from analytic_frames import BOTH, LATERAL_M, eye_of_population, middling_eye
 import scleraforce as sf
 from predicted_walls import Walls, predict_wall
 from scleraforce.base.errors import InputError
+from scleraforce.calibration import found_walls
 from scleraforce.calibration.stiffness_from_shape import (
     MOST_FRAMES,
     EyePosterior,
@@ -26,9 +27,12 @@ from scleraforce.records.calibration_file import (
     read_calibration,
 )
 from scleraforce.records.eye import LEAST_MODULUS_SD, Eye
+from scleraforce.records.frame import frame_digest
 from scleraforce.records.needle import Needle
 from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
+from scleraforce.wall.find_wall import find_wall
+from scleraforce.wall.wall import Segmentation
 
 pytestmark = pytest.mark.usefixtures("made_up_walls")
 
@@ -131,3 +135,17 @@ def test_a_frame_without_a_wall_of_the_library_teaches_nothing(
     after = eye.with_frames([ShownFrame(lateral_m=LATERAL_M, depth_bc=shown)])
     assert len(after.frames) == 1
     assert after.modulus.source == "shape"
+
+
+def test_a_calibration_finds_the_wall_of_each_frame_once(
+    made_up_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looked = list[str]()
+
+    def counted(frame: np.ndarray, *more: Any) -> Segmentation:
+        looked.append(frame_digest(frame))
+        return find_wall(frame, *more)
+
+    monkeypatch.setattr(found_walls, "find_wall", counted)
+    sf.calibrate(made_up_folder, without_force=True)
+    assert len(looked) == len(set(looked)) == 6

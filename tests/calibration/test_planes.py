@@ -32,6 +32,7 @@ from scleraforce.calibration.calibrate import (
 )
 from scleraforce.calibration.calibration import Calibration
 from scleraforce.calibration.evaluation import evaluate_recordings
+from scleraforce.calibration.found_walls import FoundWalls
 from scleraforce.calibration.seen_frames import CalibrationSettings, EyeFrames
 from scleraforce.calibration.stiffness_from_shape import EyePosterior
 from scleraforce.fit.frames_of_an_eye import ShownFrame
@@ -120,7 +121,7 @@ def test_a_frame_is_of_the_eye_at_the_place_of_its_plane(cross):
     """Gap, direction and tilt of the plane across, by the contact and tilt of the
     recording.
     """
-    settings = CalibrationSettings(STUDY, LIBRARY, ("e",), False, None, None)
+    settings = CalibrationSettings(STUDY, LIBRARY, ("e",), False, None, FoundWalls())
     seen = EyeFrames(cross, settings, frozenset(), None).seen(1)
     stated = changed(setup_to_calibrate(cross, STUDY), direction_rad=0.3)
     plane = scan_plane(seen.beside(stated))

@@ -10,9 +10,10 @@ import pytest
 from small_models import fixed_finder
 
 from scleraforce.base.errors import CalibrationError
-from scleraforce.calibration import seen_frames
+from scleraforce.calibration import found_walls
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.calibration import Calibration, parse_calibration
+from scleraforce.calibration.found_walls import FoundWalls
 from scleraforce.library import Library
 from scleraforce.reading.load_model import load_wall_finder
 from scleraforce.recordings.force_errors import frame_forces
@@ -178,11 +179,13 @@ def test_walls_are_found_with_the_stated_thickness_and_checked_by_the_finder(
     with pytest.raises(
         CalibrationError, match=r"not usable: .* to find the wall differ"
     ):
-        calibrate_recordings([recording], STUDY, "", library, finder=blind)
+        calibrate_recordings([recording], STUDY, "", library, walls=FoundWalls(blind))
 
     bundled = load_wall_finder(SHIPPED_WALL_FINDER)
     given = list[Any]()
-    checked = calibrate_recordings([recording], STUDY, "hash", library, finder=bundled)
+    checked = calibrate_recordings(
+        [recording], STUDY, "hash", library, walls=FoundWalls(bundled)
+    )
     both = [one.eyes["made-up"].means[0] for one in (checked, calibration)]
     # the network may move the wall's end by a few rows
     assert both[0] == pytest.approx(both[1], rel=1e-3)
@@ -191,9 +194,9 @@ def test_walls_are_found_with_the_stated_thickness_and_checked_by_the_finder(
         given.append(more)
         return replace(find_wall(frame, scale), usable=False, reason="under a layer")
 
-    monkeypatch.setattr(seen_frames, "find_wall", below)
+    monkeypatch.setattr(found_walls, "find_wall", below)
     with pytest.raises(CalibrationError, match="under a layer"):
-        calibrate_recordings([recording], STUDY, "", library, finder=blind)
+        calibrate_recordings([recording], STUDY, "", library, walls=FoundWalls(blind))
 
     assert given == [(0.7e-3, blind)] * FRAMES
 
@@ -214,7 +217,7 @@ def test_forces_far_above_all_calibrated_ones_are_a_doubt(
         return replace(find_wall(pixels, *asked), usable=not is_deep, reason="deep")
 
     assert calibration.eyes["made-up"].recordings[0].doubts == ()
-    monkeypatch.setattr(seen_frames, "find_wall", shallow)
+    monkeypatch.setattr(found_walls, "find_wall", shallow)
     eye = calibrate_recordings([recording], STUDY, "", library).eyes["made-up"]
     assert [
         round(1e3 * frame.force_n)

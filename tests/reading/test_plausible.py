@@ -19,6 +19,7 @@ from scleraforce.calibration.calibration_checks import (
     check_recording,
     checked_calibration,
 )
+from scleraforce.calibration.found_walls import FoundWalls
 from scleraforce.front.api.reading_frames import summary_of_calibration
 from scleraforce.front.cli.main import run
 from scleraforce.reading.load_model import bundled_finder
@@ -59,16 +60,16 @@ def with_scan(recording: Recording, **values: float) -> Recording:
 
 
 def test_a_recording_that_agrees_with_itself_is_not_refused(recording, turned):
-    check_recording(recording, STUDY, None)
+    check_recording(recording, STUDY, FoundWalls())
     # mirrored frames show the same, where the needle does not lean
-    check_recording(turned(np.fliplr), STUDY, None)
+    check_recording(turned(np.fliplr), STUDY, FoundWalls())
 
 
 def test_frames_that_are_turned_are_refused_with_their_turn(turned, tmp_path, capsys):
     upside_down = turned(np.flipud)
     with pytest.raises(CalibrationError, match=r"upside down \(import `flip=rows`\)"):
-        check_recording(upside_down, STUDY, None)
-    check_recording(upside_down, STUDY, None, with_forces=False)
+        check_recording(upside_down, STUDY, FoundWalls())
+    check_recording(upside_down, STUDY, FoundWalls(), with_forces=False)
 
     out = tmp_path / "calibration.json"
     assert run(["calibrate", str(upside_down.path), "--out", str(out)]) == 2
@@ -78,7 +79,7 @@ def test_frames_that_are_turned_are_refused_with_their_turn(turned, tmp_path, ca
 
 def test_transposed_frames_are_named(turned):
     with pytest.raises(CalibrationError, match="transposed; import them with `axes"):
-        check_recording(turned(np.transpose), STUDY, bundled_finder())
+        check_recording(turned(np.transpose), STUDY, FoundWalls(bundled_finder()))
 
 
 @pytest.mark.parametrize(
@@ -100,7 +101,7 @@ def test_transposed_frames_are_named(turned):
 )
 def test_what_contradicts_the_dents_is_refused_with_its_size(recording, change, words):
     with pytest.raises(CalibrationError, match=words):
-        check_recording(change(recording), STUDY, None)
+        check_recording(change(recording), STUDY, FoundWalls())
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +113,9 @@ def calibration(recording) -> Calibration:
 
 def checked(calibration: Calibration, recording: Recording) -> Calibration:
     summary = summary_of_calibration(calibration)
-    return checked_calibration(calibration, summary, [recording], STUDY, LIBRARY, None)
+    return checked_calibration(
+        calibration, summary, [recording], STUDY, LIBRARY, FoundWalls()
+    )
 
 
 def test_a_calibration_keeps_what_its_frames_show(calibration, recording):
@@ -181,11 +184,11 @@ def test_recordings_by_others_agree_and_their_mistakes_do_not(name):
         pytest.skip(f"no {folder}")
     recording = read_recording(folder)
     recording = replace(recording, frames=recording.frames[::2])
-    check_recording(recording, STUDY, None)
+    check_recording(recording, STUDY, FoundWalls())
     stretched = with_scan(recording, refractive_index=1.38)
     for wrong, words in (
         (later(recording, 10.0), "labels contradict the dents"),
         (stretched, "is the depth corrected already"),
     ):
         with pytest.raises(CalibrationError, match=words):
-            check_recording(wrong, STUDY, None)
+            check_recording(wrong, STUDY, FoundWalls())

@@ -14,6 +14,7 @@ Public:
     calibration_checks: `check_recording`, `checked_calibration`
     evaluation: `Evaluation`, `FrameAnswer`, `check_once`, `evaluate_recordings`,
         `recording_scores`
+    found_walls: `FoundWalls`
     seen_frames: `CalibrationSettings`, `frame_order`
     start_of_an_eye: `ForceFrame`, `StartedEye`, `first_fit`
     stiffness_from_forces: `TissueTrial`, `eye_of_forces`, `search_stiffening`

@@ -26,6 +26,7 @@ from scleraforce.calibration.calibration import (
 )
 from scleraforce.calibration.filter.eye_filter import PARAMETERS, SkippedFrame
 from scleraforce.calibration.filtered_eye import filter_eye
+from scleraforce.calibration.found_walls import FoundWalls
 from scleraforce.calibration.holds_of_a_log import STEP_S
 from scleraforce.calibration.recording_to_calibrate import (
     calibration_remarks,
@@ -73,7 +74,6 @@ from scleraforce.records.remark import Remark
 from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
 from scleraforce.records.tissue_relaxation import Relaxation
-from scleraforce.wall.wall_network import WallFinder
 
 # standard deviations that a rigidity lies above 0 of a globe that cannot be open
 SURE_SEALED = 3.0
@@ -109,7 +109,7 @@ def calibrate_recordings(
     parameters: tuple[str, ...] | None = None,
     frames: int | None = None,
     progress: Callable[[int], object] | None = None,
-    finder: WallFinder | None = None,
+    walls: FoundWalls | None = None,
 ) -> Calibration:
     """Calibrate every eye on its recordings; recordings of one eye add up. It raises
     `CalibrationError`.
@@ -119,8 +119,8 @@ def calibrate_recordings(
     library the stiffening, which is found on the first recording of an eye; otherwise
     the stiffening is the study's. `frames` of each recording are taken that bear enough
     force, deep dents among them (None: all). `progress` is called with 1 after each
-    frame, in each of `calibration_passes`. The `finder` checks the walls: a frame in
-    which it sees another one is not used.
+    frame, in each of `calibration_passes`. `walls`: with a network that
+    checks them, a frame in which it sees another wall is not used.
     """
     if parameters is None:
         parameters = ("e",) if library is None else ("e", STIFFENING)
@@ -134,7 +134,7 @@ def calibrate_recordings(
     at_once = tuple(name for name in parameters if name != STIFFENING)
     passes = calibration_passes(library, parameters)
     settings = CalibrationSettings(
-        study, library, at_once, STIFFENING in parameters, frames, finder
+        study, library, at_once, STIFFENING in parameters, frames, walls or FoundWalls()
     )
     eyes = dict[str, EyeCalibration]()
 
@@ -434,7 +434,7 @@ def _calibrate_eye(
     if not taken.frames:
         if earlier is None:
             raise nothing_taken(recording, frames, taken.records, study)
-        return _as_before(recording, frames, study, earlier, taken)
+        return _as_before(recording, frames, earlier, taken)
 
     started = start_eye(
         _beside_followed(setup, frames, taken.frames),
@@ -457,7 +457,7 @@ def _calibrate_eye(
     names, means, sds = _parameters(after.setup, started)
     modulus, globe = own_modulus_and_globe(after.setup)
     leaks = () if rests_pa is None else (LEAKS,)
-    remarks = calibration_remarks(recording, frames, records, study, leaks)
+    remarks = calibration_remarks(recording, frames, records, leaks)
     eye = EyeCalibration(
         id=recording.info.eye_name,
         names=names,
@@ -609,14 +609,13 @@ def _taken_frames(
 def _as_before(
     recording: Recording,
     frames: EyeFrames,
-    study: Study,
     earlier: EyeCalibration,
     taken: _TakenFrames,
 ) -> TissueTrial[EyeCalibration]:
     """Return an eye to which a further recording adds no frame."""
     _, forces, _, _ = frames.labelled()
     records = (*earlier.frames, *taken.records)
-    remarks = calibration_remarks(recording, frames, records, study)
+    remarks = calibration_remarks(recording, frames, records)
     eye = replace(
         earlier,
         recordings=used_recordings(recording, forces, earlier, remarks),

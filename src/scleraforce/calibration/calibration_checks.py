@@ -17,12 +17,12 @@ from scleraforce.base.arrays import Floats
 from scleraforce.base.errors import CalibrationError
 from scleraforce.base.units import from_si
 from scleraforce.calibration.calibration import Calibration
+from scleraforce.calibration.found_walls import FoundWalls
 from scleraforce.fit import unknowns
 from scleraforce.fit.one_frame import fit_boundaries
 from scleraforce.fit.prior_of_an_eye import prior_of
 from scleraforce.library import Library
 from scleraforce.reading.frame_checks import no_wall_of_an_eye
-from scleraforce.reading.recorded_wall import recorded_wall
 from scleraforce.reading.trained_ranges import covers_modulus
 from scleraforce.recordings import clock_offsets
 from scleraforce.recordings.forces_under_frames import (
@@ -49,7 +49,6 @@ from scleraforce.wall.wall_in_metres import (
     segmented_boundaries,
     surface_places,
 )
-from scleraforce.wall.wall_network import WallFinder
 
 LOOKED_AT = 24  # moments of a recording, of many the evenly chosen ones
 FITTED = 8  # of them
@@ -71,7 +70,7 @@ Walls = Mapping[int, Segmentation]  # by the number of the moment
 def check_recording(
     recording: Recording,
     study: Study,
-    finder: WallFinder | None,
+    found_walls: FoundWalls,
     with_forces: bool = True,
 ) -> None:
     """Raise a `CalibrationError` if a recording contradicts its frames.
@@ -80,7 +79,7 @@ def check_recording(
     have no label; or the wall is much thinner than stated.
     """
     moments = recording.moments
-    walls = seen_walls(recording, finder)
+    walls = seen_walls(recording, found_walls)
     place = recording.path
     _check_orientation(recording, walls)
 
@@ -171,21 +170,17 @@ def _check_dents(recording: Recording, walls: Walls, study: Study) -> None:
         )
 
 
-def seen_walls(recording: Recording, finder: WallFinder | None) -> Walls:
+def seen_walls(recording: Recording, walls: FoundWalls) -> Walls:
     """Return the walls of the first frames of evenly chosen moments."""
     moments = recording.moments
     count = min(len(moments), LOOKED_AT)
-    scale = recording.info.scan.scale
-    walls = dict[int, Segmentation]()
+    found = dict[int, Segmentation]()
 
     for index in np.linspace(0, len(moments) - 1, count).astype(np.intp).tolist():
         entry = moments[index][0]
-        pixels = recording.frame(entry)
-        given = recorded_wall(recording.walls, entry.file, pixels.shape, scale)
-        thickness_m = recording.info.eye.thickness_m
-        walls[index] = given or find_wall(pixels, scale, thickness_m, finder)
+        found[index] = walls.of_frame(recording, entry, recording.frame(entry))
 
-    return walls
+    return found
 
 
 def _thicknesses_m(walls: Walls) -> Floats:
@@ -205,7 +200,7 @@ def checked_calibration(
     recordings: Sequence[Recording],
     study: Study,
     library: Library,
-    finder: WallFinder | None,
+    found_walls: FoundWalls,
     advance: Callable[[int], object] = lambda _: None,
 ) -> Calibration:
     """Return a calibration with what each eye's frames show; raise a `CalibrationError`
@@ -217,7 +212,7 @@ def checked_calibration(
         eye = eyes[name]
         known = known_of_eye(recording.info.setup, summary, name)
         _check_modulus(recording, known, study)
-        shown = _appearance(recording, known, study, library, finder)
+        shown = _appearance(recording, known, study, library, found_walls)
         if eye.appearance is not None and shown is not None:
             other = other_eye(eye.appearance, shown)
             if other:
@@ -254,13 +249,13 @@ def _appearance(
     setup: Setup,
     study: Study,
     library: Library,
-    finder: WallFinder | None,
+    found_walls: FoundWalls,
 ) -> Appearance | None:
     """Return what frames show beside the eye that was found; raise a `CalibrationError`
     if a reader would refuse most of them.
     """
     scale = recording.info.scan.scale
-    usable = [w for w in seen_walls(recording, finder).values() if w.usable]
+    usable = [w for w in seen_walls(recording, found_walls).values() if w.usable]
     if not usable or recording.info.scan.planes:
         return None
 

@@ -83,7 +83,6 @@ def filter_eye(
         recording,
         frames,
         records,
-        study,
         [Remark("inputs-ignored", words, ("globe",)) for words in ignored],
     )
     if all(record.skipped is not None for record in records):

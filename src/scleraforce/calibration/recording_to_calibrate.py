@@ -15,7 +15,7 @@ from scleraforce.calibration.calibration import (
 )
 from scleraforce.calibration.seen_frames import EyeFrames
 from scleraforce.recordings.force_errors import FrameForces
-from scleraforce.recordings.forces_under_frames import label_remarks, log_doubts
+from scleraforce.recordings.forces_under_frames import label_remarks
 from scleraforce.recordings.recording_folder import Recording, tables_digest
 from scleraforce.records.eye import Eye
 from scleraforce.records.globe import UNKNOWN
@@ -66,7 +66,6 @@ def calibration_remarks(
     recording: Recording,
     frames: EyeFrames,
     records: Sequence[FrameRecord],
-    study: Study,
     others: Sequence[Remark] = (),
 ) -> tuple[Remark, ...]:
     """Return remarks on the frames and forces of a recording that was calibrated on,
@@ -79,7 +78,7 @@ def calibration_remarks(
         *others,
         *label_remarks(recording, trials),
         *recording.walls.remarks,
-        *log_doubts(recording, study.classes, frames.dents),
+        *frames.log_remarks,
         *reach_remarks(used_n, missed_n),
     )
 
@@ -120,7 +119,7 @@ def nothing_taken(
     trials, *_ = frames.labelled()
     reason = next((record.skipped for record in records), "excluded")
     least_mn = from_si(study.calibration.min_force_n, "mn")
-    remarks = calibration_remarks(recording, frames, records, study)
+    remarks = calibration_remarks(recording, frames, records)
     return CalibrationError(
         f"{recording.path}: none of its {len(trials)} frames can be calibrated on"
         f" ({reason}); it takes frames with a wall in view and more than"

@@ -18,6 +18,7 @@ import numpy as np
 from scleraforce.base.arrays import Floats
 from scleraforce.base.errors import CalibrationError
 from scleraforce.calibration.filter import eye_filter
+from scleraforce.calibration.found_walls import FoundWalls
 from scleraforce.calibration.relaxation_from_holds import with_elastic_forces
 from scleraforce.calibration.start_of_an_eye import ForceFrame
 from scleraforce.fit.one_frame import NO_WALL_M
@@ -25,28 +26,27 @@ from scleraforce.fit.planes_of_a_moment import PlanesFit, SeenPlane, fit_planes
 from scleraforce.fit.prior_of_an_eye import prior_of
 from scleraforce.fit.unknowns import GAP
 from scleraforce.library import Library
-from scleraforce.reading.recorded_wall import recorded_wall
 from scleraforce.recordings.clock_offsets import MOST_FRAMES
 from scleraforce.recordings.force_errors import FrameForces, frame_forces
 from scleraforce.recordings.forces_under_frames import (
     Trial,
     label_frames,
+    log_doubts,
 )
 from scleraforce.recordings.frame_and_force_tables import FrameEntry
 from scleraforce.recordings.recording_folder import Recording
 from scleraforce.records.frame import frame_digest
 from scleraforce.records.needle import one_lean
+from scleraforce.records.remark import Remark
 from scleraforce.records.scan import Plane
 from scleraforce.records.setup import Setup
 from scleraforce.records.study import Study
 from scleraforce.records.tissue_relaxation import Relaxation
-from scleraforce.wall.find_wall import find_wall
 from scleraforce.wall.wall_in_metres import (
     Boundaries,
     dent_measures,
     segmented_boundaries,
 )
-from scleraforce.wall.wall_network import WallFinder
 
 NO_WALL = "the library's walls do not lie on its boundaries"
 LOOKED_AT = 5  # moments, of which the plane that is followed lies nearest to the needle
@@ -67,7 +67,7 @@ class CalibrationSettings:
     parameters: tuple[str, ...]
     stiffening_sought: bool
     frames: int | None
-    finder: WallFinder | None
+    walls: FoundWalls
     count: Callable[[int], object] = count_nothing
 
 
@@ -198,6 +198,11 @@ class EyeFrames:
         return dents
 
     @cached_property
+    def log_remarks(self) -> tuple[Remark, ...]:
+        """Remarks on a force log that does not fit the frames."""
+        return log_doubts(self.recording, self.settings.study.classes, self.dents)
+
+    @cached_property
     def followed(self) -> Plane | None:
         """The plane that lies nearest to the needle in the first moments that can be
         fitted; None of a single one.
@@ -223,13 +228,8 @@ class EyeFrames:
     ) -> tuple[str, Boundaries | eye_filter.SkippedFrame]:
         """Return the digest of a frame's pixels, and its wall."""
         pixels = self.recording.frame(entry)
-        info = self.recording.info
-        scale = info.scan.scale
-        given = recorded_wall(self.recording.walls, entry.file, pixels.shape, scale)
-
-        found = given or find_wall(
-            pixels, scale, info.eye.thickness_m, self.settings.finder
-        )
+        scale = self.recording.info.scan.scale
+        found = self.settings.walls.of_frame(self.recording, entry, pixels)
         if not found.usable:
             return frame_digest(pixels), eye_filter.SkippedFrame(
                 f"not usable: {found.reason}"

@@ -23,6 +23,7 @@ from small_recordings import write_places
 
 import scleraforce as sf
 from scleraforce.base.errors import InputError
+from scleraforce.calibration.found_walls import FoundWalls
 from scleraforce.calibration.seen_frames import CalibrationSettings, EyeFrames
 from scleraforce.recordings.drawn_walls import RecordedWalls, write_wall
 from scleraforce.records.frame import MASK_SD_ROWS, NOT_JUDGED
@@ -157,7 +158,7 @@ def test_every_step_uses_a_corrected_wall_and_says_so(
 
 def test_a_calibration_uses_a_corrected_wall(corrected: tuple[Path, Path]) -> None:
     recording = sf.read_recording(corrected[1])
-    settings = CalibrationSettings(sf.Study(), None, ("e",), False, None, None)
+    settings = CalibrationSettings(sf.Study(), None, ("e",), False, None, FoundWalls())
     lowered, found = (
         EyeFrames(recording, settings, frozenset(), None).seen(number).wall
         for number in (2, 3)

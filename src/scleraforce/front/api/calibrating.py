@@ -18,6 +18,7 @@ from scleraforce.calibration.calibration_checks import (
     checked_calibration,
 )
 from scleraforce.calibration.evaluation import recording_scores
+from scleraforce.calibration.found_walls import FoundWalls
 from scleraforce.calibration.seen_frames import CalibrationSettings
 from scleraforce.calibration.stiffness_from_shape import calibrate_without_force
 from scleraforce.front.api.opened_frames import finder_of
@@ -265,9 +266,9 @@ def calibrate(
             for remark in on_inputs:
                 note(str(remark))
 
-    finder = finder_of(method.wall_finder)
+    walls = FoundWalls(finder_of(method.wall_finder))
     for recording in each:
-        check_recording(recording, study, finder, with_forces=not without_force)
+        check_recording(recording, study, walls, with_forces=not without_force)
     library = library_for(study, mechanics, counting)
     passes = 1 if without_force else calibration_passes(library, sought)
 
@@ -285,7 +286,7 @@ def calibrate(
                 else summary.population_stiffening
             )
             settings = CalibrationSettings(
-                study, library.for_stiffening(stiffening), ("e",), False, frames, finder
+                study, library.for_stiffening(stiffening), ("e",), False, frames, walls
             )
             found = calibrate_without_force(
                 each, settings, study_hash(study), prior, advance
@@ -298,7 +299,7 @@ def calibrate(
                 sought,
                 frames,
                 advance,
-                finder,
+                walls,
             )
             found = calibrate_recordings(each, *by_force)
 
@@ -308,7 +309,7 @@ def calibrate(
     parse_calibration(file)
     if library is not None:
         found = checked_calibration(
-            found, summary_of(file), each, study, library, finder
+            found, summary_of(file), each, study, library, walls
         )
     if out is not None:
         write_calibration(found.to_dict(), Path(out))
@@ -440,9 +441,9 @@ def recalibrate_intervals(
         for remark in _input_remarks(recording, reader.kind, study, True):
             note(remark)
 
-    finder = finder_of(wall_finder)
+    walls = FoundWalls(finder_of(wall_finder))
     for recording in each:
-        check_recording(recording, study, finder)
+        check_recording(recording, study, walls)
     with counting(
         "calibration", count * calibration_passes(reader.library, None)
     ) as advance:
@@ -453,11 +454,11 @@ def recalibrate_intervals(
             reader.library,
             frames=frames,
             progress=advance,
-            finder=finder,
+            walls=walls,
         )
 
     summary = summary_of_calibration(calibration)
-    checked_calibration(calibration, summary, each, study, reader.library, finder)
+    checked_calibration(calibration, summary, each, study, reader.library, walls)
     with counting("reading", count) as advance:
         scores = [
             found

@@ -13,6 +13,7 @@ from scleraforce.base.errors import InputError
 from scleraforce.base.units import to_si
 from scleraforce.calibration.calibrate import calibrate_recordings
 from scleraforce.calibration.evaluation import Evaluation, evaluate_recordings
+from scleraforce.calibration.found_walls import FoundWalls
 from scleraforce.front.report.frame_figures import answered_frames
 from scleraforce.front.report.html_pages import shown_frames, write_evaluation_html
 from scleraforce.lab.virtual_eye import study_sections
@@ -104,7 +105,9 @@ def run_demo(
         finder = load_wall_finder(SHIPPED_WALL_FINDER)
         opened = [read_recording(recording)]
         of_study = reader.study, study_hash(reader.study), reader.library
-        found = calibrate_recordings(opened, *of_study, frames=TAUGHT, finder=finder)
+        found = calibrate_recordings(
+            opened, *of_study, frames=TAUGHT, walls=FoundWalls(finder)
+        )
         write_calibration(found.to_dict(), calibration)
         reach(CALIBRATION_DONE)
         evaluation = evaluate_recordings(

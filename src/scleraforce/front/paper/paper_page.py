@@ -27,6 +27,7 @@ from scleraforce.calibration.calibration import (
     parse_calibration,
 )
 from scleraforce.calibration.evaluation import Evaluation, FrameAnswer
+from scleraforce.calibration.found_walls import FoundWalls
 from scleraforce.front.paper.run_folder import (
     CALIBRATED_EYES,
     CALIBRATION_FORCES_N,
@@ -502,7 +503,7 @@ def _calibration(run: Run, evaluation: Evaluation) -> dict[str, Any]:
     finder = load_wall_finder(SHIPPED_WALL_FINDER)
     study = run.study
     (first,) = calibrate_recordings(
-        [opened], study, study_hash(study), None, finder=finder
+        [opened], study, study_hash(study), None, walls=FoundWalls(finder)
     ).eyes.values()
     over_frames = draw_modulus_over_frames(
         first, paper_eyes(study)[0][0].eye.modulus_pa

@@ -12,6 +12,7 @@ from scleraforce.base.worker_processes import work_units
 from scleraforce.calibration.calibrate import calibrate_recordings, calibration_passes
 from scleraforce.calibration.calibration import Calibration, parse_calibration
 from scleraforce.calibration.evaluation import Evaluation, evaluate_recordings
+from scleraforce.calibration.found_walls import FoundWalls
 from scleraforce.front.paper import run_folder
 from scleraforce.front.paper.paper_page import SECTIONS, write_reproduction_html
 from scleraforce.front.paper.run_folder import (
@@ -212,7 +213,12 @@ def _write_calibration(
     finder = load_wall_finder(SHIPPED_WALL_FINDER)
     study = run.study
     found = calibrate_recordings(
-        recordings, study, study_hash(study), library, progress=progress, finder=finder
+        recordings,
+        study,
+        study_hash(study),
+        library,
+        progress=progress,
+        walls=FoundWalls(finder),
     )
     write_calibration(found.to_dict(), out)
 
