@@ -8,6 +8,7 @@ E over its stated standard deviation. Doubtful eyes: so few intervals hold in on
 hundred eyes whose intervals hold with 90 % each, independently.
 """
 
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -55,9 +56,16 @@ class CalibratedFigureEye:
 def calibrate_eye(
     model: Reader, folder: FiguresFolder, eye: FigureEye
 ) -> CalibratedFigureEye | None:
-    """Calibrate an eye and read its other frames; None if it diverged."""
+    """Calibrate an eye and read its other frames; None if it is refused, or
+    diverged.
+    """
     recording = folder.recording(eye)
-    calibration = sf.calibrate([recording], frames=CALIBRATED_FRAMES)
+    try:
+        calibration = sf.calibrate([recording], frames=CALIBRATED_FRAMES)
+    except sf.InputError as fault:
+        sys.stderr.write(f"{fault}\n")
+        return None
+
     found = calibration.eyes[eye_name(eye.setup)]
     if found.status != "ok":
         return None
