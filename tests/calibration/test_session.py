@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from math import log
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +13,22 @@ from small_models import fixed_finder
 from scleraforce.base.errors import CalibrationError
 from scleraforce.calibration import found_walls
 from scleraforce.calibration.calibrate import calibrate_recordings
-from scleraforce.calibration.calibration import Calibration, parse_calibration
+from scleraforce.calibration.calibration import (
+    Calibration,
+    found_remarks,
+    parse_calibration,
+)
 from scleraforce.calibration.found_walls import FoundWalls
 from scleraforce.library import Library
 from scleraforce.reading.load_model import load_wall_finder
 from scleraforce.recordings.force_errors import frame_forces
 from scleraforce.recordings.forces_under_frames import label_frames
 from scleraforce.recordings.recording_folder import Recording, read_recording
-from scleraforce.records.calibration_file import parse_calibration_file, summary_of
+from scleraforce.records.calibration_file import (
+    Appearance,
+    parse_calibration_file,
+    summary_of,
+)
 from scleraforce.records.model_folder import SHIPPED_WALL_FINDER
 from scleraforce.records.study import Study
 from scleraforce.records.tissue_relaxation import Relaxation
@@ -61,6 +70,40 @@ def test_the_modulus_after_each_frame_comes_from_the_prior_to_the_eye_s(
     for frame in eye.used:
         assert frame.mean_pa == pytest.approx(eye.mean_pa, rel=0.03)
         assert frame.own_modulus_pa == pytest.approx(eye.mean_pa, rel=0.06)
+
+
+@pytest.mark.parametrize("shown_um", [500.0, 600.0, 660.0])
+def test_the_thickness_that_frames_show_tells_how_far_the_modulus_is_off(
+    calibration, shown_um
+):
+    """At a given dent a force goes as the thickness squared: of a wall that is thinner
+    by a share, E would be larger by twice as much.
+    """
+    eye = calibration.eyes["made-up"]
+    stated_um = 1e6 * eye.stated_thickness_m
+    appearance = Appearance(
+        thickness_um=shown_um, thickness_sd_um=1.0, size=1.0, size_sd=0.0, frames=6
+    )
+    seen = eye.with_appearance(appearance)
+    # forces are read as before
+    assert (seen.mean_pa, seen.effective_sd_pa) == (eye.mean_pa, eye.effective_sd_pa)
+    ratio = stated_um / shown_um
+    off = abs(2.0 * log(ratio))
+    assert seen.sd_pa / seen.mean_pa > 0.8 * off
+    assert seen.sd_pa / seen.mean_pa < 1.3 * off + 0.08
+    of_thickness = [
+        remark for remark in found_remarks(seen) if "thickness_m" in remark.fields
+    ]
+    if abs(ratio - 1.0) < 0.05:
+        assert not of_thickness
+        return
+
+    (remark,) = of_thickness
+    mean_mpa = 1e-6 * seen.mean_pa * ratio**2
+    assert str(remark) == (
+        f"frames show a wall of {shown_um:.0f} µm, not {stated_um:.0f}: its E would be"
+        f" {mean_mpa:.2g} MPa"
+    )
 
 
 def test_a_recording_without_a_new_frame_leaves_an_eye_as_it_is(

@@ -9,7 +9,7 @@ Linear mechanics is the paper's, and so is its filter (`filtered_eye`).
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import exp, hypot
+from math import exp
 
 import numpy as np
 
@@ -455,7 +455,7 @@ def _calibrate_eye(
     )
     records += _reread_records(taken, after, setup, started.status)
     names, means, sds = _parameters(after.setup, started)
-    modulus, globe = own_modulus_and_globe(after.setup)
+    _, globe = own_modulus_and_globe(after.setup)
     leaks = () if rests_pa is None else (LEAKS,)
     remarks = calibration_remarks(recording, frames, records, leaks)
     eye = EyeCalibration(
@@ -473,8 +473,8 @@ def _calibrate_eye(
         relaxation=relaxation,
         lean_rad=one_lean(recording.info.needle.lean_rad),
         prior=declared(setup.eye.modulus, "modulus"),
-        whole_sd_pa=hypot(modulus.sd_pa, started.fit.declared_sd * modulus.mean_pa),
-    )
+        errors=started.fit.declared,
+    ).with_appearance(None)
 
     if eye.status != "ok":
         return TissueTrial.diverged(eye, taken.refused, started)

@@ -4,7 +4,7 @@ and as its file.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from math import exp, floor, isfinite, log10, sqrt
+from math import exp, floor, hypot, isfinite, log10, sqrt
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from scleraforce.base.errors import CalibrationError
 from scleraforce.base.notebook_cards import data_frame, html_card
 from scleraforce.base.plain_text import wrapped
-from scleraforce.base.units import HumanUnit, from_si
+from scleraforce.base.units import HumanUnit, from_si, to_si
 from scleraforce.base.version import __version__
 from scleraforce.calibration.filter.eye_filter import (
     PARAMETERS,
@@ -25,6 +25,8 @@ from scleraforce.calibration.stiffness_from_forces import (
     finite,
     not_negative,
 )
+from scleraforce.fit.frames_of_an_eye import DeclaredErrors
+from scleraforce.fit.prior_of_an_eye import FORCE_BY_LOG_THICKNESS
 from scleraforce.records import calibration_file
 from scleraforce.records.calibration_file import (
     WRITER,
@@ -111,9 +113,10 @@ class EyeCalibration:
     normal, and E is of these. With a library, modulus and rigidity are from the frames
     read again (`calibration.stiffness_from_forces`); `without_force`: E is from the
     shape of the dents (`calibration.stiffness_from_shape`). The filter's `state`, from
-    which the eye's next recording continues, its `steps`, for figures, and the `prior`
-    of E are missing if read from a file. `whole_sd_pa`: standard deviation of E with
-    the errors of what is declared of the eye, which forces do not feel; None: without.
+    which the eye's next recording continues, its `steps`, for figures, the `prior` of
+    E, and the `errors` of what is declared, are missing if read from a file.
+    `whole_sd_pa`: standard deviation of E with these, which forces do not feel; None:
+    without.
     """
 
     id: str
@@ -135,7 +138,22 @@ class EyeCalibration:
     steps: tuple[FrameStep, ...] = field(default=(), repr=False)
     filter: EyeFilter | None = field(default=None, repr=False)
     prior: Modulus | None = None
+    errors: DeclaredErrors | None = field(default=None, repr=False)
     whole_sd_pa: float | None = None
+
+    def with_appearance(self, appearance: Appearance | None) -> "EyeCalibration":
+        """Return the eye with what its frames show, which tells how far E is off."""
+        if self.errors is None:
+            return replace(self, appearance=appearance)
+
+        shown_off_m = (
+            None
+            if appearance is None
+            else to_si(appearance.thickness_um, "um") - self.stated_thickness_m
+        )
+        declared_pa = self.errors.log_modulus_sd(shown_off_m) * self.mean_pa
+        whole_sd_pa = hypot(self.effective_sd_pa, declared_pa)
+        return replace(self, appearance=appearance, whole_sd_pa=whole_sd_pa)
 
     @property
     def used(self) -> tuple[FrameRecord, ...]:
@@ -324,16 +342,20 @@ PRINTED: dict[str, tuple[str, HumanUnit, str]] = {
 INPUT_CODES = ("outside-training", "inputs-ignored", "missing-input")
 SURE = 2.0  # standard deviations, from which a discrepancy is worth a remark
 MUCH = 2.0  # times what is expected
+# thickness over the one that frames show, from which it is worth a remark: two standard
+# deviations of a thickness that is known to 3 %
+OTHER_THICKNESS = 1.06
 
 
 def found_remarks(eye: EyeCalibration) -> tuple[Remark, ...]:
     """Return remarks on what the frames of an eye show beside its modulus, which has a
     column of its own.
 
-    First each parameter with its standard deviation; then the stiffening of the tissue,
-    if any, and how it relaxes; the discrepancy of the eye's forces from the library's,
-    if that is sure (an uneven wall); and the scatter of its frames, if that is large (a
-    wall that the library does not have).
+    First each parameter with its standard deviation; then the thickness, where frames
+    show another one; the stiffening of the tissue, if any, and how it relaxes; the
+    discrepancy of the eye's forces from the library's, if that is sure (an uneven
+    wall); and the scatter of its frames, if that is large (a wall that the library does
+    not have).
     """
     found = list[Remark]()
     if eye.without_force:
@@ -344,6 +366,9 @@ def found_remarks(eye: EyeCalibration) -> tuple[Remark, ...]:
             field_name = "globe" if name == RIGIDITY else name
             words = _words(name, mean, sd)
             found.append(Remark("parameter-found", words, (field_name,)))
+
+    if eye.appearance is not None:
+        found += _thickness_remarks(eye, eye.appearance)
 
     if eye.stiffening > 0.0:
         words = f"tissue stiffens, b {eye.stiffening:.2g}"
@@ -367,6 +392,23 @@ def found_remarks(eye: EyeCalibration) -> tuple[Remark, ...]:
         found.append(Remark("forces-scatter", words, ("discrepancy",)))
 
     return tuple(found)
+
+
+def _thickness_remarks(eye: EyeCalibration, shown: Appearance) -> list[Remark]:
+    """Return a remark if frames show a wall of another thickness than the one that the
+    modulus is of, and how stiff that wall would be.
+    """
+    thickness_um = from_si(eye.thickness_m, "um")
+    ratio = thickness_um / shown.thickness_um
+    if 1.0 / OTHER_THICKNESS <= ratio <= OTHER_THICKNESS:
+        return []
+
+    mean_mpa = from_si(eye.mean_pa, "mpa") * ratio**FORCE_BY_LOG_THICKNESS
+    words = (
+        f"frames show a wall of {shown.thickness_um:.0f} µm, not {thickness_um:.0f}:"
+        f" its E would be {mean_mpa:.2g} MPa"
+    )
+    return [Remark("thickness-beside-frames", words, ("thickness_m", "modulus"))]
 
 
 def _relaxation_remarks(relaxation: Relaxation) -> list[Remark]:

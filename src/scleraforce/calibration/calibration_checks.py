@@ -220,7 +220,7 @@ def checked_calibration(
                     f"{recording.path}: eye.id: {name}: {other}, in another recording"
                     " of that name; are both of one eye?"
                 )
-        eyes[name] = replace(eye, appearance=eye.appearance or shown)
+        eyes[name] = eye.with_appearance(eye.appearance or shown)
         advance(1)
 
     return replace(calibration, eyes=eyes)

@@ -16,7 +16,7 @@ dimensions need.
 From forces (`fit_forces`) the frames share E, the rigidity of the globe, and what is
 sought beside them; poses, forms and pressures are each frame's own. What is declared of
 the eye, and the library's forces, are taken for right: E makes up for their errors, and
-`JointFit.declared_sd` says by how much.
+`JointFit.declared` says by how much.
 
 Beside the pictures, a frame may have the needle's travel (dent + force x the bed's
 compliance + a shift, both unknown), a pressure of its own (a known change of the IOP),
@@ -28,7 +28,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import product
-from math import log, sqrt
+from math import hypot, log
 from types import MappingProxyType
 
 import numpy as np
@@ -88,6 +88,9 @@ TIP_SD = 0.01  # its share for the library's dent
 LEAST_FORCE_SD = 0.01  # relative, of a known force
 # standard deviations of what is taken for right, over those that it has
 CERTAIN = 0.05
+# of the thickness that pictures of an eye show at the needle: 8 um, and 5 um too thin,
+# of 40 sealed eyes (`python -m figures posterior`)
+SHOWN_THICKNESS_SD_M = 10e-6
 # length left out at either end of a frame's surface, where the segmentation bends it up
 EDGE_M = 0.7e-3
 COARSER = 2  # columns of a single frame's fit for one here
@@ -166,6 +169,33 @@ class EyeToFit:
     begun_fn: Floats
 
 
+@dataclass(frozen=True, kw_only=True)
+class DeclaredErrors:
+    """How far ln E is off by the errors of what was taken for right.
+
+    `others_sd`: its standard deviation by all of them but the thickness, `by_thickness`
+    (1/m) its slope by that, and `thickness_sd_m` the standard deviation of the declared
+    one.
+    """
+
+    others_sd: float
+    by_thickness: float
+    thickness_sd_m: float
+
+    def log_modulus_sd(self, shown_off_m: float | None) -> float:
+        """Return the standard deviation of ln E; `shown_off_m`: by how much pictures
+        show another thickness than the declared one, None where they do not show it.
+
+        A wall is not equally thick everywhere, and pictures show it at the needle.
+        """
+        off_m = (
+            self.thickness_sd_m
+            if shown_off_m is None
+            else hypot(shown_off_m, SHOWN_THICKNESS_SD_M)
+        )
+        return hypot(self.others_sd, self.by_thickness * off_m)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class JointFit:
     """The fit to all frames of an eye.
@@ -176,8 +206,8 @@ class JointFit:
     are the unknowns of each frame in the order of `NAMES`. `noise` is that of the
     boundaries over their SDs, `resting_m` and `growing_m` are sizes of the discrepancy:
     of any dent, and of one of 2 mm. `cost` is that of boundaries and prior, `forces_n`
-    (frame,) are the frames' forces. `declared_sd`: standard deviation of ln E by the
-    errors of what was taken for right.
+    (frame,) are the frames' forces. `declared`: the errors of what was taken for right;
+    None: nothing was.
     """
 
     names: tuple[int, ...]
@@ -189,7 +219,7 @@ class JointFit:
     growing_m: float
     cost: float
     forces_n: Floats
-    declared_sd: float = 0.0
+    declared: DeclaredErrors | None = None
 
     def moments(self, name: int) -> tuple[float, float]:
         """Return mean and standard deviation of a shared unknown (`unknowns.NAMES`)."""
@@ -710,33 +740,46 @@ class _EyeProblem:
         """
         return self._eliminate(terms.normal, terms.gradient, 0.0)[0]
 
-    def declared_sd(self, terms: NormalEquations) -> float:
-        """Return the standard deviation of ln E by the errors of what is taken for
-        right: what is declared of the eye, and the library's forces.
+    def declared_errors(self, terms: NormalEquations) -> DeclaredErrors:
+        """Return how far ln E is off by the errors of what is taken for right: what is
+        declared of the eye, and the library's forces.
 
         Of each, the prior of all frames is moved by one standard deviation; E follows
         as the normal equations have it.
         """
-        (modulus,) = self.places(unknowns.MODULUS)
-        moved = [
+        thickness_sd_m = float(self.known_sd[unknowns.THICKNESS])
+        is_thickness_right = unknowns.THICKNESS in self.own_names
+        others = [
             (self.places(name), float(self.known_sd[name]))
             for name in _DECLARED
-            if name in self.own_names
+            if name in self.own_names and name != unknowns.THICKNESS
         ]
-        moved += [
+        others += [
             (np.array([self.extras.start + number]), float(EXTRA_SD[number]))
             for number in (LEVEL, GROWTH)
         ]
-        variance = 0.0
+        moved = [self._moved_modulus(terms, *each) for each in others]
+        by_thickness = (
+            self._moved_modulus(terms, self.places(unknowns.THICKNESS), thickness_sd_m)
+            / thickness_sd_m
+            if is_thickness_right
+            else 0.0
+        )
+        return DeclaredErrors(
+            others_sd=hypot(*moved),
+            by_thickness=by_thickness,
+            thickness_sd_m=thickness_sd_m,
+        )
 
-        for places, sd in moved:
-            pull = np.zeros(self.count)
-            pull[places] = sd / self.sd[places] ** 2
-            left, _ = self._eliminate(terms.normal, pull, 0.0)
-            follows = covariance_of(left.normal) @ left.gradient
-            variance += float(follows[modulus]) ** 2
-
-        return sqrt(variance)
+    def _moved_modulus(
+        self, terms: NormalEquations, places: Places, distance: float
+    ) -> float:
+        """Return how far ln E follows where the priors at these places are moved."""
+        (modulus,) = self.places(unknowns.MODULUS)
+        pull = np.zeros(self.count)
+        pull[places] = distance / self.sd[places] ** 2
+        left, _ = self._eliminate(terms.normal, pull, 0.0)
+        return float((covariance_of(left.normal) @ left.gradient)[modulus])
 
     def _eliminate(
         self, normal: Floats, gradient: Floats, damping: float
@@ -854,4 +897,4 @@ def fit_forces(eye: EyeToFit, sought: Mapping[int, float]) -> JointFit:
     unsure = _EyeProblem(eye, names, False, sought)
     _, _, cost = gauss_newton(unsure, unknown, STOPPING, unsure.arrow_step)
     fit = _joint_fit(problem, unknown, terms, cost)
-    return replace(fit, declared_sd=problem.declared_sd(terms))
+    return replace(fit, declared=problem.declared_errors(terms))

@@ -45,6 +45,7 @@ SEVERITY_OF: Mapping[str, Severity] = MappingProxyType(
         # calibrations
         "points-left-out": "info",
         "parameter-found": "info",
+        "thickness-beside-frames": "caution",
         "tissue-stiffens": "info",
         "relaxation-found": "info",
         "relaxation-unknown": "caution",
