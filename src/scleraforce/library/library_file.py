@@ -218,7 +218,11 @@ def _reduced(
 ) -> tuple[dict[str, NDArray[Any]], float]:
     """Return the stored entries of an array, by name, and its largest error."""
     rows_rv = values.reshape(prod(values.shape[: stored.row_axes]), -1)
-    reduced = reduce_rows(rows_rv, FOR_THE_BASIS * stored.largest_error)
+    reduced = reduce_rows(
+        rows_rv,
+        FOR_THE_BASIS * stored.largest_error,
+        along=values.shape[stored.row_axes - 1],
+    )
 
     error = float(
         np.abs(reduced.rows().astype(np.float32) - rows_rv.astype(np.float64)).max()
@@ -230,16 +234,15 @@ def _reduced(
         )
 
     basis = reduced.basis_kv.reshape(-1, *values.shape[stored.row_axes :])
-    along = values.shape[stored.row_axes - 1]
-    steps = {
-        f"{stored.name}_{kind}": _differences(part, along)
-        for kind, part in zip(STEP_TYPES, reduced.steps, strict=True)
+    differences = {
+        f"{stored.name}_{kind}": part
+        for kind, part in zip(STEP_TYPES, reduced.differences, strict=True)
     }
 
     return {
         stored.error: np.asarray(error),
         f"{stored.name}_basis": basis,
-        **steps,
+        **differences,
     }, error
 
 
@@ -256,47 +259,23 @@ def _stored(
         )
 
     basis = _read(archive, f"{stored.name}_basis", "float32", 1 + stored.value_axes)
-    differences = (
+    differences = tuple(
         _read(archive, f"{stored.name}_{kind}", kind, 3) for kind in STEP_TYPES
     )
-
-    steps = tuple(_summed(part) for part in differences)
-    if {len(part) for part in steps} != {prod(rows)} or sum(
-        part.shape[1] for part in steps
+    wanted = (prod(rows[:-1]), rows[-1])
+    if {part.shape[1:] for part in differences} != {wanted} or sum(
+        map(len, differences)
     ) != len(basis):
         raise ValueError(
-            f"{stored.name}: steps {[part.shape for part in steps]} for {prod(rows)}"
-            f" rows of {len(basis)}"
+            f"{stored.name}: steps {[part.shape for part in differences]} for"
+            f" {prod(rows)} rows of {len(basis)}"
         )
 
     _check_size(prod(rows) * prod(basis.shape[1:]))
     return (
-        ReducedRows(basis.reshape(len(basis), prod(basis.shape[1:])), steps),
+        ReducedRows(basis.reshape(len(basis), prod(basis.shape[1:])), differences),
         basis.shape[1:],
     )
-
-
-def _differences(steps_rk: NDArray[Any], along: int) -> NDArray[Any]:
-    """Return second differences along the last axis of the rows (part, row / along,
-    along).
-
-    Integers wrap around at both ends of their type, here and in their sums: nothing is
-    lost.
-    """
-    rows, parts = steps_rk.shape
-    steps_kra = steps_rk.T.reshape(parts, rows // along, along)
-    for _ in range(2):
-        steps_kra = np.diff(steps_kra, axis=-1, prepend=steps_kra.dtype.type(0))
-    return np.ascontiguousarray(steps_kra)
-
-
-def _summed(differences_kra: NDArray[Any]) -> NDArray[Any]:
-    """Return the steps (row, part) of second differences."""
-    steps_kra = differences_kra
-    for _ in range(2):
-        steps_kra = np.cumsum(steps_kra, axis=-1, dtype=steps_kra.dtype)
-    parts, rows, along = steps_kra.shape
-    return np.ascontiguousarray(steps_kra.reshape(parts, rows * along).T)
 
 
 def _plain(archive: ZipFile, name: str, axes: int) -> Any:

@@ -49,34 +49,62 @@ BLOCK = 64  # rows that are worked on together: they stay in the cache
 class ReducedRows:
     """Rows as sums of the rows of a basis.
 
-    `basis_kv`: a step of each part (part, value), float32. `steps`: integers (row,
-    part) that multiply them; a table for each of `STEP_TYPES`, in the basis' order.
+    `basis_kv`: a step of each part (part, value), float32. `differences`: the integers
+    that multiply them change smoothly along the last axis of the rows; these are their
+    second differences along it (part, row / along, along), a table for each of
+    `STEP_TYPES`, in the basis' order. Integers wrap around at both ends of their type,
+    here and in their sums: nothing is lost.
     """
 
     basis_kv: NDArray[np.float32]
-    steps: tuple[Steps, ...]
+    differences: tuple[Steps, ...]
+
+    @property
+    def count(self) -> int:
+        """The number of rows."""
+        return prod(self.differences[0].shape[1:])
+
+    def steps(self) -> Floats:
+        """Return the integers that multiply the parts (row, part)."""
+        count = self.count
+        summed = [_summed(part).reshape(len(part), count) for part in self.differences]
+        return np.ascontiguousarray(np.concatenate(summed, dtype=np.float64).T)
 
     def rows(self) -> Floats:
         """Return the rows (row, value)."""
-        steps_rk = np.concatenate(
-            [part.astype(np.float64) for part in self.steps], axis=1
-        )
-        return steps_rk @ self.basis_kv.astype(np.float64)
+        return self.steps() @ self.basis_kv.astype(np.float64)
 
     def share(self, number: int, shares: int) -> "ReducedRows":
         """Return one of equal shares of the rows."""
-        size = len(self.steps[0]) // shares
+        size = self.differences[0].shape[1] // shares
+        own = slice(number * size, (number + 1) * size)
         return replace(
-            self,
-            steps=tuple(
-                steps[number * size : (number + 1) * size] for steps in self.steps
-            ),
+            self, differences=tuple(part[:, own] for part in self.differences)
         )
 
 
-def reduce_rows(rows_rv: Reals, largest_error: float) -> ReducedRows:
+def _differences(steps_kr: Steps, along: int) -> Steps:
+    """Return second differences of steps (part, row) along the last axis of the rows
+    (part, row / along, along).
+    """
+    parts, rows = steps_kr.shape
+    steps_kra = steps_kr.reshape(parts, rows // along, along)
+    for _ in range(2):
+        steps_kra = np.diff(steps_kra, axis=-1, prepend=steps_kra.dtype.type(0))
+    return np.ascontiguousarray(steps_kra)
+
+
+def _summed(differences_kra: Steps) -> Steps:
+    """Return the steps of second differences, both (part, row / along, along)."""
+    steps_kra = differences_kra
+    for _ in range(2):
+        steps_kra = np.cumsum(steps_kra, axis=-1, dtype=steps_kra.dtype)
+    return steps_kra
+
+
+def reduce_rows(rows_rv: Reals, largest_error: float, along: int = 1) -> ReducedRows:
     """Return finite rows (row, value) in a reduced basis, with no value off by more
-    than `largest_error`.
+    than `largest_error`; `along`: length of the last axis of the rows.
     """
     rest_rv = rows_rv.astype(np.float64)
     step = STEP * largest_error
@@ -92,7 +120,7 @@ def reduce_rows(rows_rv: Reals, largest_error: float) -> ReducedRows:
         steps.append(_taken_off(rest_rv, directions[-1].astype(np.float64)))
         found = _worst(rest_rv)
 
-    return _by_size(rows_rv, directions, steps)
+    return _by_size(rows_rv, directions, steps, along)
 
 
 def _worst(rest_rv: Floats) -> Floats:
@@ -118,7 +146,10 @@ def _taken_off(rest_rv: Floats, direction: Floats) -> Floats:
 
 
 def _by_size(
-    rows_rv: Reals, directions: list[NDArray[np.float32]], steps: list[Floats]
+    rows_rv: Reals,
+    directions: list[NDArray[np.float32]],
+    steps: list[Floats],
+    along: int,
 ) -> ReducedRows:
     """Put the parts with the largest integers first, and every integer into the
     smallest type that holds it.
@@ -138,7 +169,7 @@ def _by_size(
     order = np.argsort(-most, kind="stable")
     bounds = [*(int(np.count_nonzero(most > end)) for end in ends), len(order)]
     tables = (
-        np.ascontiguousarray(steps_kr[order[first:last]].T.astype(name))
+        _differences(steps_kr[order[first:last]].astype(name), along)
         for name, first, last in zip(STEP_TYPES, bounds[:-1], bounds[1:], strict=True)
     )
 
@@ -208,8 +239,8 @@ class ReducedCurves:
 
     def __post_init__(self) -> None:
         most = [
-            float(np.iinfo(steps.dtype).max) * steps.shape[1]
-            for steps in self.rows.steps
+            float(np.iinfo(part.dtype).max) * len(part)
+            for part in self.rows.differences
         ]
         if (
             not np.abs(self.rows.basis_kv).max(initial=0.0) * max(most)
@@ -238,9 +269,7 @@ class ReducedCurves:
     def _steps(self, b: int, splines: Splines) -> Curves:
         """Return the spline weights of the steps of one b (t p d, part)."""
         if b not in self._cached:
-            steps_rk = np.concatenate(
-                self.rows.share(b, self.shape[0]).steps, axis=1, dtype=np.float64
-            )
+            steps_rk = self.rows.share(b, self.shape[0]).steps()
             weights = tensor_coefficients(
                 splines, steps_rk.reshape(*self.shape[1:4], -1)
             )
