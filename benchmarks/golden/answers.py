@@ -54,6 +54,7 @@ TOLERANCES: Mapping[str, Tolerance] = {
     "s": Tolerance("s", absolute=1e-6),
     "share": Tolerance("share", absolute=1e-4),
     "grey": Tolerance("grey levels", absolute=1e-6),
+    "kib": Tolerance("KiB", absolute=2.0, relative=0.01),
     "parameter": Tolerance("parameter", absolute=1e-4, relative=1e-4),
 }
 COUNT = Tolerance(

@@ -1,14 +1,17 @@
-"""One piece of work in a process of its own, and what it took: modules, files, solves,
-passes. Prints JSON.
+"""One piece of work in a process of its own, and what it took: modules, loops, files,
+solves, passes, memory. Prints JSON.
 
-python -m golden.counted import | command WORD... | read FRAME | solves WHAT
+python -m golden.counted import | command WORD... | read FRAME | segment FRAME
+                         | monitor FRAME... | solves WHAT
 """
 
 import json
 import os
 import runpy
 import sys
+import tracemalloc
 from collections import Counter
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 SCLERAFORCE = Path(sys.executable).with_name("scleraforce")
@@ -19,8 +22,24 @@ SYSTEM = "/proc", "/sys", "/dev", "/etc", "/usr/lib", "/usr/share"
 
 
 def _modules() -> dict[str, int]:
+    """Count the modules that are imported by now, and the compiled loops."""
     ours = sum(name.partition(".")[0] == "scleraforce" for name in sys.modules)
-    return {"modules": len(sys.modules), "modules of scleraforce": ours}
+    modules = {"modules": len(sys.modules), "modules of scleraforce": ours}
+
+    # imports more
+    from golden.hooks import loops_so_far
+
+    return modules | loops_so_far()
+
+
+def _peak_kib(work: Callable[[], object]) -> int:
+    """Return the memory that a piece of work takes at once, in whole KiB."""
+    tracemalloc.start()
+    try:
+        work()
+        return round(tracemalloc.get_traced_memory()[1] / 1024)
+    finally:
+        tracemalloc.stop()
 
 
 class OpenedFiles:
@@ -63,38 +82,64 @@ def command(words: list[str]) -> dict[str, int]:
     return _modules() | opened.counts()
 
 
-def read(frame: str) -> dict[str, int]:
+def read(frames: Sequence[str]) -> dict[str, int]:
     """Read a frame a second time, and count what goes over it."""
     import scleraforce as sf
     from golden.hooks import count_passes
 
+    (frame,) = frames
     calls: Counter[str] = Counter()
     model = sf.load_model("default")
-    sf.read(model, frame, youngs_modulus_pa=0.3e6)
+
+    def work() -> object:
+        return sf.read(model, frame, youngs_modulus_pa=0.3e6)
+
+    work()
+    peak_kib = _peak_kib(work)
     opened = OpenedFiles()
     count_passes(calls, sf.read_frame(frame).size)
-    sf.read(model, frame, youngs_modulus_pa=0.3e6)
-    return dict(calls) | opened.counts()
+    work()
+    return dict(calls) | opened.counts() | {"peak_kib": peak_kib}
 
 
-def segment(frame: str) -> dict[str, int]:
+def segment(frames: Sequence[str]) -> dict[str, int]:
     """Find the wall of a frame a second time, and count what goes over it."""
     import scleraforce as sf
     from golden.hooks import count_passes
 
+    (frame,) = frames
     calls: Counter[str] = Counter()
     sf.segment(frame)
+    peak_kib = _peak_kib(lambda: sf.segment(frame))
     count_passes(calls, sf.read_frame(frame).size)
     sf.segment(frame)
-    return dict(calls)
+    return dict(calls) | {"peak_kib": peak_kib}
 
 
-def solves(what: str) -> dict[str, int]:
+def monitor(frames: Sequence[str]) -> dict[str, int]:
+    """Let a session of the monitor read frames, and count what goes over the last
+    one.
+    """
+    import scleraforce as sf
+    from golden.hooks import count_passes, monitored
+
+    calls: Counter[str] = Counter()
+    take = monitored([sf.read_frame(frame) for frame in frames])
+    for _ in frames[:-2]:
+        take()
+    peak_kib = _peak_kib(take)
+    count_passes(calls, sf.read_frame(frames[-1]).size)
+    take()
+    return dict(calls) | {"peak_kib": peak_kib}
+
+
+def solves(whats: Sequence[str]) -> dict[str, int]:
     """Bend an eye, or solve a load path of the library, and count factorizations and
     solves.
     """
     from golden.hooks import count_solves, solve_load_path
 
+    (what,) = whats
     calls: Counter[str] = Counter()
     count_solves(calls)
 
@@ -137,7 +182,12 @@ def main() -> None:
     elif kind == "command":
         counts = command(words)
     else:
-        counts = {"read": read, "segment": segment, "solves": solves}[kind](words[0])
+        counts = {
+            "read": read,
+            "segment": segment,
+            "monitor": monitor,
+            "solves": solves,
+        }[kind](words)
     print(json.dumps(counts))
 
 

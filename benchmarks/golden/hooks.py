@@ -4,14 +4,17 @@ mend this file alone.
 - How often the code solves and passes over a frame shows nowhere. `count_solves` wraps
   rslab's factorizations and LAPACK's banded ones, `count_passes` OpenCV's functions and
   the package's compiled loops, before they are called.
+- Which compiled loops a process loaded, and which it had to compile, only Numba's own
+  statistics say (`loops_so_far`).
 - Load paths of the library are solved in processes of their own; `solve_load_path`
-  solves one here.
+  solves one here. The monitor decides behind a socket; `monitored` feeds its session.
 """
 
 import sys
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -86,21 +89,45 @@ def count_passes(calls: Calls, frame_pixels: int) -> None:
         return name_of
 
     wrappers: dict[int, Any] = {}
-    for module_name, module in list(sys.modules.items()):
-        if not module_name.startswith("scleraforce"):
-            continue
-        for name, value in list(vars(module).items()):
-            if isinstance(value, CPUDispatcher):
-                wrapper = wrappers.setdefault(
-                    id(value),
-                    _counting(value, taking_frames("calls of compiled loops"), calls),
-                )
-                setattr(module, name, wrapper)
+    for module, name, loops in _loops_of_modules(CPUDispatcher):
+        wrapper = wrappers.setdefault(
+            id(loops),
+            _counting(loops, taking_frames("calls of compiled loops"), calls),
+        )
+        setattr(module, name, wrapper)
     for name, value in list(vars(cv2).items()):
         if type(value).__name__ == "builtin_function_or_method":
             setattr(
                 cv2, name, _counting(value, taking_frames("calls of OpenCV"), calls)
             )
+
+
+def loops_so_far() -> dict[str, int]:
+    """Count the compiled loops that this process has loaded from the cache, and those
+    that it has compiled.
+    """
+    # without Numba there are none, and importing it would count
+    registry = sys.modules.get("numba.core.registry")
+    if registry is None:
+        return {"loops loaded": 0, "loops compiled": 0}
+
+    found = {id(one): one for *_, one in _loops_of_modules(registry.CPUDispatcher)}
+    statistics = [loops.stats for loops in found.values()]
+    return {
+        "loops loaded": sum(sum(one.cache_hits.values()) for one in statistics),
+        "loops compiled": sum(sum(one.cache_misses.values()) for one in statistics),
+    }
+
+
+def _loops_of_modules(kind: type) -> Iterator[tuple[ModuleType, str, Any]]:
+    """Yield each module of the package, and the name and the dispatcher of each of its
+    compiled loops.
+    """
+    for module_name, module in list(sys.modules.items()):
+        if module_name.startswith("scleraforce"):
+            for name, value in list(vars(module).items()):
+                if isinstance(value, kind):
+                    yield module, name, value
 
 
 def _always(words: str, _arguments: tuple[Any, ...]) -> str:
@@ -125,3 +152,28 @@ def solve_load_path(study: Any, unit: int) -> None:
     from scleraforce.library.library_store import solve_path
 
     solve_path(plan_library(study), unit)
+
+
+def monitored(frames: Sequence[Any]) -> Callable[[], None]:
+    """Return what lets a monitor's session take the next one of some frames."""
+    from monitor.watch import limits_of
+    from scleraforce.live.monitor_session import MonitorSession
+    from scleraforce.live.network.scanner_frame import ScannerFrame
+    from scleraforce.reading.eye_reader import EyeReader
+    from scleraforce.reading.load_model import load_force_reader
+    from scleraforce.records.model_folder import SHIPPED_READER
+    from scleraforce.records.scan import PixelScale
+    from scleraforce.records.setup import Setup
+
+    model = load_force_reader(SHIPPED_READER)
+    reader = EyeReader(model, Setup(), by="network")
+    session = MonitorSession(reader, limits_of(model))
+    scale = PixelScale.of(model.study.oct)
+    coming = enumerate(frames, start=1)
+
+    def take() -> None:
+        number, pixels = next(coming)
+        image = ScannerFrame(pixels, lateral_m=scale.lateral_m, depth_m=scale.depth_m)
+        session.take_frame(session.frame(image, number, 1, 0.01 * number))
+
+    return take

@@ -58,6 +58,7 @@ PARTS: dict[str, Callable[[Run], Table]] = {
     )
 }
 FIGURES = "results.json"
+RELEASED = ROOT / "benchmarks" / "released.json"
 PAGE = "RESULTS.md"
 TO_END_S = 30.0  # that an interrupted part is given: a monitor has processes of its own
 USUAL_FOLDER = ROOT / "benchmarks"
@@ -72,6 +73,7 @@ _flag = partial(click.option, is_flag=True)
 @_flag("--quick", help="Every part small, in some minutes: the figures mean nothing.")
 @_flag("--training", help="Train the reader to the end (five minutes more).")
 @_flag("--render", help="Only write the page anew from results.json.")
+@_flag("--release", help="Keep results.json as what this release takes.")
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
@@ -83,6 +85,7 @@ def main(
     quick: bool,
     training: bool,
     render: bool,
+    release: bool,
     out: Path | None,
     folder: Path | None,
 ) -> None:
@@ -93,12 +96,18 @@ def main(
         table = PARTS[names[0]](Run(quick, folder, training))
         click.echo(json.dumps(asdict(table), allow_nan=False))
         return
-    if names and (out or render):
+    if names and (out or render or release):
         raise click.UsageError(
-            "PARTs are printed, and nothing is written; leave --out and --render out"
+            "PARTs are printed, and nothing is written; leave --out, --render and"
+            " --release out"
         )
 
     out = out or (QUICK_FOLDER if quick else USUAL_FOLDER)
+    if release:
+        kept = read_results(out / FIGURES)
+        write_whole(as_text(kept), RELEASED)
+        click.echo(f"wrote {RELEASED}")
+        return
     if render:
         click.echo(f"wrote {_render(out)}")
         return
@@ -125,8 +134,7 @@ def main(
         tables=tables,
     )
     out.mkdir(parents=True, exist_ok=True)
-    plain = finite_json(results.as_json())
-    write_whole(json.dumps(plain, indent=1, allow_nan=False) + "\n", out / FIGURES)
+    write_whole(as_text(results), out / FIGURES)
     click.echo(f"wrote {out / FIGURES}, {_render(out)}")
 
     if failed := [name for name, table in tables.items() if table.failed]:
@@ -166,21 +174,28 @@ def _in_process(name: str, run: Run) -> Table:
     return table_of(json.loads(told.splitlines()[-1]))
 
 
-def _render(out: Path) -> Path:
-    """Write the page of the figures that are kept in a folder.
+def as_text(results: Results) -> str:
+    """Return the text of the file that keeps a run's figures."""
+    return json.dumps(finite_json(results.as_json()), indent=1, allow_nan=False) + "\n"
+
+
+def read_results(path: Path) -> Results:
+    """Read the figures that a file keeps.
 
     Raises:
         InputError: they cannot be read.
     """
     try:
-        kept = json.loads(read_text(out / FIGURES, KINDS["result"]))
-        results = Results.from_json(kept)
+        return Results.from_json(json.loads(read_text(path, KINDS["result"])))
     except (ValueError, KeyError, TypeError, AttributeError) as fault:
-        raise InputError(
-            f"{out / FIGURES}: not the figures of a run ({fault})"
-        ) from fault
+        raise InputError(f"{path}: not the figures of a run ({fault})") from fault
 
-    write_whole(as_markdown(results), out / PAGE)
+
+def _render(out: Path) -> Path:
+    """Write the page of the figures that are kept in a folder."""
+    results = read_results(out / FIGURES)
+    released = read_results(RELEASED) if RELEASED.exists() else None
+    write_whole(as_markdown(results, released), out / PAGE)
     return out / PAGE
 
 

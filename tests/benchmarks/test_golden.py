@@ -8,6 +8,14 @@ import pytest
 from golden import __main__ as command
 from golden.answers import FROZEN, compared, frozen_text, plain, read_frozen
 from golden.computing import GROUPS
+from golden.released import (
+    GROUP,
+    RELEASED,
+    changes,
+    read_released,
+    released_text,
+    table_of,
+)
 from golden.tables import group_table, move_lines
 
 ANSWER = {
@@ -118,3 +126,45 @@ def test_a_group_repeats_itself_but_for_what_was_changed(tmp_path: Path, capsys)
     assert command.main(words) == 1
     move = "+2 count (plain/0001.png wall_pixels)"
     assert f"| walls | 8 | 1 | 0 | 0 | {move} |" in capsys.readouterr().out
+
+
+RELEASED_COUNTS = {
+    "read": {"modules": 100, "loops compiled": 0, "passes": 5},
+    "bend": {"solves": 90},
+}
+
+
+def test_a_count_is_worse_where_it_grew_by_more_than_a_tenth():
+    now = {
+        "read": {"modules": 110, "loops compiled": 1, "passes": 6, "peak_kib": 7},
+        "bend": {"solves": 80},
+    }
+    found = list(changes(RELEASED_COUNTS, now))
+    worse = {change.what: change.is_worse for change in found}
+    assert worse == {
+        "modules": False,
+        "loops compiled": True,
+        "passes": True,
+        "peak_kib": False,
+        "solves": False,
+    }
+    assert "| read | passes | 5 | 6 | **worse** |" in table_of(found)
+    assert "| read | peak_kib | - | 7 | new |" in table_of(found)
+    assert "| bend | solves | 90 | 80 |  |" in table_of(found)
+
+
+def test_counts_that_are_as_they_were_released_are_no_change():
+    assert not list(changes(RELEASED_COUNTS, RELEASED_COUNTS))
+
+
+def test_counts_of_a_release_come_back_from_their_file(tmp_path: Path):
+    path = tmp_path / "released.json"
+    path.write_text(released_text("0.1.0", RELEASED_COUNTS))
+    assert read_released(path) == ("0.1.0", RELEASED_COUNTS)
+
+
+def test_the_release_has_each_count_of_the_golden_answers():
+    counted = read_frozen(FROZEN)[1][GROUP]
+    released = read_released(RELEASED)[1]
+    for work, counts in counted.items():
+        assert counts.keys() == released[work].keys()

@@ -16,7 +16,7 @@ import pytest
 from provenance.stamps import read_stamps
 from scleraforce.base.errors import InputError
 from scleraforce.records.study import Study
-from speed.__main__ import main
+from speed.__main__ import RELEASED, main, read_results
 from speed.lock import alone
 from speed.page import as_markdown
 from speed.parts.reader_training import Course
@@ -25,7 +25,7 @@ from speed.run import in_turns
 
 ROOT = Path(__file__).parents[2]
 ROW = Row(
-    what="ours, default",
+    what="ours, of this test",
     value=0.5,
     unit="s",
     spread=(0.4, 0.75),
@@ -66,7 +66,7 @@ def test_a_page_has_each_row_beside_its_goal_and_names_a_failed_part(
     main(["--render", "--out", str(tmp_path)], standalone_mode=False)
     page = (tmp_path / "RESULTS.md").read_text(encoding="utf-8")
     assert (
-        "| ours, default | 0.5 s | 0.4 to 0.75 | theirs: 0.25 s | 2 | 0.4 s, **missed**"
+        "| ours, of this test | 0.5 s | 0.4 to 0.75 | theirs: 0.25 s | 2 | 0.4 s, **missed**"
         " | 43,929 | -1 |" in page
     )
     assert "## Wire\n\n**This part failed**: code 1" in page
@@ -76,6 +76,23 @@ def test_a_page_has_each_row_beside_its_goal_and_names_a_failed_part(
         with_row(replace(ROW, source="NUMBERS, another day"))
     )
     assert "| - |" in as_markdown(with_row(replace(ROW, value=None)))
+
+
+def test_a_page_says_by_what_factor_a_row_is_less_than_at_the_last_release() -> None:
+    """A ratio of 2 that was 3 is less by 1.5, whatever the seconds; without a ratio
+    seconds count.
+    """
+    before = with_row(replace(ROW, value=6.0, beside_value=2.0))
+    head = "goal | last release | factor | unknowns"
+    assert head not in as_markdown(RESULTS)
+    page = as_markdown(RESULTS, before)
+    assert head in page
+    assert "| 0.4 s, **missed** | 3 | 1.5 | 43,929 |" in page
+
+    alone_now = with_row(replace(ROW, beside="", beside_value=None))
+    assert "| 6 s | 12 |" in as_markdown(alone_now, before)
+    other = with_row(replace(ROW, what="another row"))
+    assert head not in as_markdown(other, before)
 
 
 def with_row(row: Row) -> Results:
@@ -126,7 +143,7 @@ def test_the_page_is_rendered_from_the_stored_figures() -> None:
         (ROOT / "benchmarks" / "results.json").read_text(encoding="utf-8")
     )
     page = (ROOT / "benchmarks" / "RESULTS.md").read_text(encoding="utf-8")
-    assert page == as_markdown(Results.from_json(plain)), (
+    assert page == as_markdown(Results.from_json(plain), read_results(RELEASED)), (
         "after a change of the page: python -m speed --render"
     )
     assert tuple(plain["tables"]) == PARTS
@@ -178,7 +195,7 @@ def test_a_quick_run_measures_every_row(tmp_path: Path) -> None:
         ), row
 
     assert sum(row["goal"] is not None for row in rows) == 23
-    assert page == as_markdown(Results.from_json(plain))
+    assert page == as_markdown(Results.from_json(plain), read_results(RELEASED))
     (stamp,) = read_stamps(tmp_path / "out" / "RESULTS.md")
     assert stamp.made_by == "make bench"
 

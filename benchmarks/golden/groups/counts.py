@@ -1,5 +1,5 @@
-"""Counts that noise does not touch: modules imported, files opened, passes over a
-frame, factorizations and solves.
+"""Counts that noise does not touch: modules imported, loops compiled, files opened,
+passes over a frame, memory allocated, factorizations and solves.
 """
 
 import json
@@ -17,7 +17,8 @@ MODEL = "default"
 def answers(name: str, recordings: dict[str, Path], folder: Path) -> Answers:
     """Return all counts, each from a process of its own."""
     recording = recordings[name]
-    frame = str(frame_files(recording)[0])
+    frames = [str(file) for file in frame_files(recording)]
+    frame = frames[0]
     pieces = {
         "import scleraforce": ["import"],
         "scleraforce --help": ["command", "--help"],
@@ -36,9 +37,19 @@ def answers(name: str, recordings: dict[str, Path], folder: Path) -> Answers:
             MODEL,
             str(recording),
         ],
+        "scleraforce calibrate RECORDING": [
+            "command",
+            "calibrate",
+            str(recording),
+            "--frames",
+            "3",
+            "--out",
+            str(folder / "calibration.json"),
+        ],
         "scleraforce show RECORDING": ["command", "show", str(recording)],
         "sf.read, second time": ["read", frame],
         "sf.segment, second time": ["segment", frame],
+        "monitor, last frame": ["monitor", *frames],
         "solves, linear": ["solves", "linear"],
         "solves, finite strain": ["solves", "finite-strain"],
         "solves, sealed": ["solves", "sealed"],
