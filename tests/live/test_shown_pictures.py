@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
+import plain_pictures
 import pytest
 from numpy.typing import NDArray
 
@@ -259,3 +260,36 @@ def test_another_size_begins_anew_and_another_depth_does_not():
     ]
     assert found == [0, 0, 0, 1]
     assert shown.back(np.zeros((1, 1), np.uint8)) == 0
+
+
+@pytest.mark.parametrize("size", [(512, 512), (64, 700), (20, 40), (300, 900)])
+def test_loops_know_the_same_pictures_as_whole_arrays(size: tuple[int, int]):
+    """New, old, moved and mixed pictures, few grey levels, of 16 and 8 bits."""
+    rng = np.random.default_rng(3)
+    plain = plain_pictures.ShownPictures(MOST)
+    shown = ShownPictures(MOST)
+    kept = [speckle(rng, size)]
+    answers = list[int]()
+
+    for _ in range(60):
+        old = kept[rng.integers(len(kept))]
+        new = speckle(rng, size)
+        part = np.arange(size[1]) < size[1] * rng.uniform(0.2, 0.9)
+        pictures: list[Pixels] = [
+            new,
+            old,
+            np.roll(kept[-1], tuple(rng.integers(-1, 2, 2)), (0, 1)),
+            (0.8 * old + 0.2 * new).astype(np.uint16),
+            np.where(part, old, new),
+            (new > 3000).astype(np.uint16),
+            np.full(size, rng.integers(3), dtype=np.uint16),
+        ]
+        picture = pictures[rng.integers(len(pictures))]
+        if rng.random() < 0.2:
+            picture = (picture >> 4).astype(np.uint8)
+
+        answers.append(shown.back(picture))
+        assert answers[-1] == plain.back(picture)
+        kept.append(picture.astype(np.uint16))
+
+    assert 10 < np.count_nonzero(answers) < 50

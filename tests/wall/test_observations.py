@@ -5,6 +5,7 @@ into slices.
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
+from plain_slices import plain_slices
 
 from scleraforce.records.scan import PixelScale
 from scleraforce.records.study import SliceStudy
@@ -116,7 +117,13 @@ def test_a_pixel_is_wall_where_its_middle_lies_between_the_lines_through_columns
     scale = PixelScale(lateral_m=lateral_m, depth_m=depth_m, refractive_index=index)
     found = segmentation(outer_row, inner_row, 512)
     shifts = np.array([0.0, 0.3, -0.3])
-    drawn, _, _ = boundary_slices(found, scale, SLICE, tuple(shifts))
+    drawn, leaves, extent_m = boundary_slices(found, scale, SLICE, tuple(shifts))
+    plain, plainly_leaves, plain_extent_m = plain_slices(
+        found, scale, SLICE, tuple(shifts)
+    )
+    np.testing.assert_array_equal(drawn, plain)
+    assert leaves == plainly_leaves
+    assert extent_m == pytest.approx(plain_extent_m, abs=1e-12)
     middle_m = (np.arange(40) + 0.5 + shifts[:, None]) * SLICE.pixel_m
     there = np.flatnonzero(np.isfinite(outer_row) & np.isfinite(inner_row))
 

@@ -15,7 +15,7 @@ from math import ceil, sqrt
 import numpy as np
 
 from scleraforce.base.arrays import Bytes, Floats, Places
-from scleraforce.base.compiled_loops import compiled
+from scleraforce.base.compiled_loops import compiled, compiled_in_place
 from scleraforce.base.errors import FrameError
 from scleraforce.records.frame import MASK_SD_ROWS, NOT_JUDGED, WALL
 from scleraforce.records.scan import PixelScale
@@ -318,53 +318,95 @@ def boundary_slices(
     Then follow what `dent_leaves` says of the first, and the distance between the ends
     of the surface in it, m.
     """
-    columns = slice_study.columns
-    pixel_m = slice_study.pixel_m
-    lateral_m, outer_m = surface_places(segmentation, scale)
-    seen_m = lateral_m[
-        (np.abs(lateral_m) <= columns * pixel_m / 2) & np.isfinite(outer_m)
-    ]
-    depth_bc = _slice_depths(segmentation, scale, columns, pixel_m)
-    middle_m = (
-        np.arange(slice_study.rows)[:, None] + 0.5 + np.array(shifts)[:, None, None]
-    ) * pixel_m
-    walls = ((depth_bc[0] <= middle_m) & (middle_m < depth_bc[1])).view(
-        np.uint8
-    ) * np.uint8(WALL)
-
-    return walls, dent_leaves(walls[0]), float(np.ptp(seen_m)) if len(seen_m) else 0.0
+    walls = np.zeros((len(shifts), slice_study.rows, slice_study.columns), np.uint8)
+    extent_m = _draw_walls(
+        walls,
+        segmentation.outer_row,
+        segmentation.inner_row,
+        segmentation.rows * scale.depth_m - BOTTOM_M,
+        (scale.lateral_m, scale.depth_m, scale.refractive_index),
+        slice_study.pixel_m,
+        np.array(shifts),
+    )
+    return walls, dent_leaves(walls[0]), extent_m
 
 
-def _slice_depths(
-    segmentation: Segmentation, scale: PixelScale, columns: int, pixel_m: float
-) -> Floats:
-    """Return the depths of both boundaries at a slice's columns, (2, column), m, NaN
-    where there is no wall.
+@compiled
+def _draw_walls(
+    walls: Bytes,
+    outer_row: Floats,
+    inner_row: Floats,
+    bottom_m: float,
+    scale: tuple[float, float, float],
+    pixel_m: float,
+    shift_s: Floats,
+) -> float:
+    """Set the pixels of slices (shift, row, column) whose centre lies in the wall to
+    `WALL`; return the distance between the ends of the surface in them, m.
+
+    `outer_row` and `inner_row` (column,), NaN where there is no wall; a surface below
+    `bottom_m` is where the frame ends. `scale`: width and depth of a pixel of the
+    frame, m, and the refractive index.
     """
-    rows = segmentation.outer_row, segmentation.inner_row
-    there = np.isfinite(rows[0]) & np.isfinite(rows[1])
-    width = len(rows[0])
-    if not there.any():
-        return np.full((2, columns), np.nan)
+    lateral_m, depth_m, index = scale
+    width = len(outer_row)
+    _, rows, columns = walls.shape
+    there = np.empty(width, np.int64)  # columns with both boundaries
+    count = 0
+    first = last = -1  # columns of the surface in the window
+    for column in range(width):
+        if np.isfinite(outer_row[column]) and np.isfinite(inner_row[column]):
+            there[count] = column
+            count += 1
 
-    at = (
-        (np.arange(columns) + 0.5 - columns / 2) * pixel_m / scale.lateral_m
-        + width / 2
-        - 0.5
-    )
-    shown = (
-        (at >= -0.5)
-        & (at <= width - 0.5)
-        & there[np.clip(np.rint(at), 0, width - 1).astype(np.intp)]
-    )
-    outer_m, inner_m = (
-        (np.interp(at, np.flatnonzero(there), row[there]) + 0.5) * scale.depth_m
-        for row in rows
-    )
+        place_m = (column + (0.5 - width / 2)) * lateral_m
+        if (
+            abs(place_m) <= columns * pixel_m / 2
+            and (outer_row[column] + 0.5) * depth_m < bottom_m
+        ):
+            first = column if first < 0 else first
+            last = column
 
-    return np.where(
-        shown, [outer_m, outer_m + (inner_m - outer_m) / scale.refractive_index], np.nan
-    )
+    before = 0
+    for column in range(columns):
+        at = (column + 0.5 - columns / 2) * pixel_m / lateral_m + width / 2 - 0.5
+        if not -0.5 <= at <= width - 0.5:
+            continue
+
+        nearest = int(min(max(np.rint(at), 0.0), width - 1.0))
+        if not (np.isfinite(outer_row[nearest]) and np.isfinite(inner_row[nearest])):
+            continue
+
+        while before < count - 2 and there[before + 1] <= at:
+            before += 1
+
+        outer_m = (_between(outer_row, there, before, count, at) + 0.5) * depth_m
+        inner_m = (_between(inner_row, there, before, count, at) + 0.5) * depth_m
+        end_m = outer_m + (inner_m - outer_m) / index
+        for number in range(len(shift_s)):
+            for row in range(rows):
+                middle_m = (row + 0.5 + shift_s[number]) * pixel_m
+                if outer_m <= middle_m < end_m:
+                    walls[number, row, column] = WALL
+
+    return (last - first) * lateral_m if first >= 0 else 0.0
+
+
+@compiled_in_place
+def _between(
+    values: Floats, there: Places, before: int, count: int, at: float
+) -> float:
+    """Return a boundary at a place, linear between columns that show it and level
+    beyond the first and the last of them.
+    """
+    left = there[before]
+    if count == 1 or at <= left:
+        return values[left]
+    right = there[before + 1]
+    if at >= right:
+        return values[right]
+    slope = (values[right] - values[left]) / (right - left)
+    return slope * (at - left) + values[left]
 
 
 @compiled

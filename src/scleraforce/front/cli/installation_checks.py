@@ -33,6 +33,7 @@ from scleraforce.lab.training.reader_samples import draw_samples
 from scleraforce.library import OUTER
 from scleraforce.library.plane_cut import cut_surfaces, highest_depths
 from scleraforce.library.sealed_eye import iop_ratio_at_dent, iop_ratio_under_force
+from scleraforce.live.repeated_pictures import ShownPictures
 from scleraforce.mechanics.axisymmetric_wall import (
     AxisymmetricPath,
     EvenWall,
@@ -262,6 +263,8 @@ def compile_loops() -> None:
     library.covers(*walls, np.array([0.0]))
     iop_ratio_at_dent(library, *walls, np.zeros(1), globe)
     frame, scale, known = _frame()
+    for pixels in (frame, (frame >> 8).astype(np.uint8)):
+        ShownPictures(1).back(pixels)
 
     for reading in (_reader().read, _reader().read_live):
         for eye in (known, Setup()):
