@@ -23,6 +23,7 @@ from scleraforce.base.arrays import Counts, Flags, Integers
 from scleraforce.base.compiled_loops import compiled
 from scleraforce.records.frame import Pixels
 from scleraforce.records.scan import PixelScale
+from scleraforce.wall.shared_loops import count_at, size_at
 
 Lit = tuple[int, int, int, int, Flags, float]
 
@@ -171,7 +172,7 @@ def _contrast(frame: Counts) -> float:
         return 0.0
 
     place = mean.size - number + int(DIMMER * number)
-    least = np.partition(mean.ravel(), place)[place]
+    least = count_at(mean.ravel(), place)
     share = np.empty(mean.size, np.float32)
     chosen = 0
 
@@ -186,9 +187,8 @@ def _contrast(frame: Counts) -> float:
                 share[chosen] = np.float32(abs(one - other)) / np.float32(one + other)
                 chosen += 1
 
-    halves = np.partition(share[:chosen], chosen // 2)
-    upper = halves[chosen // 2]
-    lower = upper if chosen % 2 else halves[: chosen // 2].max()
+    upper = size_at(share[:chosen], chosen // 2)
+    lower = upper if chosen % 2 else size_at(share[:chosen], chosen // 2 - 1)
     return float(np.float32(0.5) * (lower + upper))
 
 
@@ -313,7 +313,7 @@ def noise_floor(cells: Counts) -> int:
             lit += cells[row, column] > black
 
     place = int(FLOOR_SHARE * lit)
-    return int(np.partition(sample[:lit], place)[place]) if lit else 0
+    return count_at(sample[:lit], place) if lit else 0
 
 
 @compiled

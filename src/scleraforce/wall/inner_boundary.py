@@ -22,6 +22,7 @@ from scleraforce.wall.shared_loops import (
     mirrored,
     multiply_add,
     sample_rows,
+    size_at,
 )
 
 CELL_M = 20e-6  # of thickness in the unrolled wall
@@ -366,11 +367,7 @@ def _standing_out(jump: Singles) -> Singles:
             sizes[number] = abs(jump[group, edge])
             number += sizes[number] > 0
 
-    typical = (
-        np.float64(np.partition(sizes[:number], number // 2)[number // 2])
-        if number
-        else 0.0
-    )
+    typical = np.float64(size_at(sizes[:number], number // 2)) if number else 0.0
     half_share = np.float64(np.float32(0.5 / (groups - POOLED)))
 
     for edge in range(edges):

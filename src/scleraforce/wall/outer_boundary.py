@@ -21,6 +21,7 @@ from scleraforce.base.compiled_loops import compiled
 from scleraforce.wall.shared_loops import (
     best_path,
     best_rows,
+    count_at,
     is_path,
     mirrored,
     open_rows,
@@ -150,7 +151,7 @@ def _scaled_level(tissue: Counts) -> Singles:
             number += 1
 
     place = int(BRIGHT_SHARE * number)
-    bright = np.partition(sample[:number], place)[place]
+    bright = count_at(sample[:number], place)
     scale = np.float32(1.0 / max(float(bright), 1e-6))
     level = np.empty(tissue.shape, np.float32)
 

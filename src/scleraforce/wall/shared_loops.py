@@ -20,6 +20,7 @@ Numbers = NDArray[np.number]
 
 # columns that are searched on each side of steps of a path that are too large
 MARGIN = 1
+TABLES = 4  # neighbours are often alike: each table counts every fourth value
 
 
 def _multiply_add() -> Callable[..., Any]:
@@ -38,6 +39,72 @@ def _multiply_add() -> Callable[..., Any]:
 
 
 multiply_add = _multiply_add()
+
+
+@compiled
+def count_at(counts: Counts, place: int) -> int:
+    """Return the count at a place of all (value,) in order, as np.partition has it.
+
+    Counted by the upper and then the lower byte, without a branch that is taken by
+    chance: a fifth of the time.
+    """
+    of_byte = np.zeros((TABLES, 256), np.int64)
+    for at in range(len(counts)):
+        of_byte[at % TABLES, counts[at] >> 8] += 1
+
+    upper, before = _byte_at(of_byte, place)
+    of_byte[:] = 0
+    for at in range(len(counts)):
+        of_byte[at % TABLES, counts[at] & 255] += (counts[at] >> 8) == upper
+
+    lower, _ = _byte_at(of_byte, place - before)
+    return 256 * upper + lower
+
+
+@compiled
+def size_at(sizes: Singles, place: int) -> np.float32:
+    """Return the size at a place of all (value,), 0 or more, in order, as np.partition
+    has it.
+
+    The bits of such numbers are in the order of the numbers (IEEE 754), and counted
+    byte by byte.
+    """
+    bits = sizes.view(np.uint32)
+    of_byte = np.zeros((TABLES, 256), np.int64)
+    known = np.uint32(0)
+    left = place
+
+    for shift in (24, 16, 8, 0):
+        of_byte[:] = 0
+        for at in range(len(bits)):
+            rest = (bits[at] ^ known) >> np.uint32(shift)
+            # the bytes above are those that are known
+            of_byte[at % TABLES, rest & np.uint32(255)] += rest < 256
+
+        byte, before = _byte_at(of_byte, left)
+        known |= np.uint32(byte) << np.uint32(shift)
+        left -= before
+
+    found = np.empty(1, np.uint32)
+    found[0] = known
+    return found.view(np.float32)[0]
+
+
+@compiled
+def _byte_at(of_byte: Integers, place: int) -> tuple[int, int]:
+    """Return the byte at a place of all in order, and how many are smaller, by how
+    often each occurs (table, byte).
+    """
+    before = 0
+    for byte in range(256):
+        here = 0
+        for table in range(TABLES):
+            here += of_byte[table, byte]
+        if before + here > place:
+            return byte, before
+        before += here
+
+    return 255, before
 
 
 @compiled
