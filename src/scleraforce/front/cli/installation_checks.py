@@ -42,6 +42,7 @@ from scleraforce.mechanics.axisymmetric_wall import (
 from scleraforce.mechanics.elastic_force import driven_back
 from scleraforce.mechanics.hexahedral_mesh import build_mesh
 from scleraforce.mechanics.load_path_tracing import PathEnd
+from scleraforce.mechanics.neo_hookean_solid import dilatations, inverses
 from scleraforce.reading.load_model import load_force_reader
 from scleraforce.reading.reading_models import ForceReader
 from scleraforce.recordings.clock_offsets import estimate_clocks
@@ -254,6 +255,8 @@ def compile_loops() -> None:
     build_mesh(12e-3, THICKNESS_M, divisions=2).locator.locate(
         np.tile([0.0, 0.1, 1.0], (2, 1))
     )
+    inverses(np.zeros((1, 3, 3)))
+    dilatations(np.zeros((1, 3, 3)))
     globe = sealed_law(to_si(0.02, "mmhg13_per_ul")).over(MODULUS_PA)
     walls = np.array([THICKNESS_M]), np.array([IOP_PA / MODULUS_PA])
     library = _reader().library
