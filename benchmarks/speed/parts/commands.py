@@ -18,7 +18,7 @@ HELP = "`scleraforce --help`"
 READ = "`scleraforce read default FRAME`"
 CALIBRATE = "`scleraforce calibrate EYE --frames 3`"
 GOALS_S = {HELP: 0.09, READ: 0.5, CALIBRATE: 1.0}
-BESIDE = {HELP: BARE, READ: IMPORTS}
+BESIDE = {HELP: BARE, READ: IMPORTS, CALIBRATE: IMPORTS}
 KNOWN = {
     "--youngs-modulus-mpa": "0.3",
     "--iop-mmhg": "2",

@@ -9,6 +9,7 @@ from typing import Any
 
 from scleraforce.records.model_folder import SHIPPED_READER
 from speed.children import command_seconds
+from speed.parts.frame import CRUDE
 from speed.parts.recording import made_recording
 from speed.record import Row
 from speed.run import Run
@@ -39,8 +40,10 @@ def monitor_session(run: Run, frames: int, *options: str) -> dict[str, Any]:
     return found
 
 
-def session_rows(run: Run) -> list[Row]:
-    """Play a session on the free machine, and one beside busy loops."""
+def session_rows(run: Run, crude_ms: float) -> list[Row]:
+    """Play a session on the free machine, and one beside busy loops; `crude_ms`: what
+    plain median and Otsu of a frame takes.
+    """
     rows = []
     found = dict[str, Any]()
     options = ["--shared", "--remote", "--rate-hz", "1000"]
@@ -54,6 +57,8 @@ def session_rows(run: Run) -> list[Row]:
                 what=f"1,000 frames a second, {place}: time for each answer",
                 unit="ms",
                 value=1e3 / answers_per_s,
+                beside=CRUDE,
+                beside_value=crude_ms,
                 goal=None if loops else GOAL_MS,
                 more={
                     "answers a second": answers_per_s,
