@@ -530,12 +530,15 @@ def test_short_rows_do_not_count_while_ten_readings_come_within_the_reaction_tim
     ones on they count.
     """
 
-    def losing(lost, parts, limits=LIMITS):
+    def losing(lost, parts, limits=LIMITS, interval_s=0.001):
         events = []
         for n in range(600 // (lost + 1)):
-            at_s = 0.051 + 0.001 * (lost + 1) * n
+            at_s = 0.051 + interval_s * (lost + 1) * n
             part = QueueLoss(
-                at_s=at_s, lost=lost // parts, unread_s=0.001 * (lost // parts), row=n
+                at_s=at_s,
+                lost=lost // parts,
+                unread_s=interval_s * (lost // parts),
+                row=n,
             )
             events += [replace(frame(6 + n), at_s=at_s), *[part] * parts]
 
@@ -550,6 +553,9 @@ def test_short_rows_do_not_count_while_ten_readings_come_within_the_reaction_tim
         is losing(4, 4).cause
         is Cause.QUEUE_BEHIND
     )
+    # the interval is a mean of arrivals, and somewhat longer on a busy machine
+    assert losing(3, 1, interval_s=1.03e-3).state is State.WATCHING
+    assert losing(3, 1, interval_s=1.1e-3).cause is Cause.QUEUE_BEHIND
     assert losing(1, 1, replace(LIMITS, reaction_s=0.01)).cause is Cause.QUEUE_BEHIND
     (_, in_parts), (_, at_once) = (
         losing(6, parts, replace(LIMITS, loss_in_window_s=1.0)).losses[-1]
