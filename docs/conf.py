@@ -61,6 +61,7 @@ nitpick_ignore_regex = [
         r"scleraforce\.(reading\.force_trend\.TimeToBound|records\.globe\.PressureLaw)",
     ),
     ("py:class", r"scleraforce\.reading\.needle_place\.NeedlePlace"),
+    ("py:class", r"scleraforce\.fit\.frames_of_an_eye\.DeclaredErrors"),
     ("py:class", r"GivenCalibration|Mask"),
     ("py:class", r"scleraforce\.records\.tissue_relaxation\.(Relaxation|HoldFinding)"),
     ("py:class", r"scleraforce\.recordings\.drawn_walls\.RecordedWalls"),

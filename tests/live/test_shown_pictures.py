@@ -2,6 +2,8 @@
 whatever stays in them.
 """
 
+import subprocess
+import sys
 from collections.abc import Sequence
 from functools import cache
 
@@ -293,3 +295,19 @@ def test_loops_know_the_same_pictures_as_whole_arrays(size: tuple[int, int]):
         kept.append(picture.astype(np.uint16))
 
     assert 10 < np.count_nonzero(answers) < 50
+
+
+def test_nothing_is_left_to_compile_once_the_pictures_are_warm():
+    """A compilation in the loop would last for seconds, and the watchdog end it."""
+    code = """
+from scleraforce.live import picture_signs
+from scleraforce.live.repeated_pictures import warm_pictures
+loops = picture_signs.read_signs, picture_signs.alike_pictures
+warm_pictures()
+print([len(one.signatures) for one in loops])
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    # pictures of 8 and 16 bits are looked at, and one kind of words compared
+    assert done.stdout.strip() == "[2, 1]"

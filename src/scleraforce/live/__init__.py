@@ -9,5 +9,5 @@ Public:
     monitor_request: `Address`, `Ended`, `Failed`, `LOCAL`, `MonitorMessage`,
         `MonitorRequest`, `OperatorLine`, `Refused`, `Started`, `StatedLimits`
     monitor_run: `run_monitor`
-    repeated_pictures: `ShownPictures`
+    repeated_pictures: `ShownPictures`, `warm_pictures`
 """

@@ -46,6 +46,7 @@ from scleraforce.live.monitor_request import Address
 from scleraforce.live.monitor_server import MonitorServer
 from scleraforce.live.monitor_session import MonitorSession
 from scleraforce.live.network.operator_reset import token_digest
+from scleraforce.live.repeated_pictures import warm_pictures
 from scleraforce.reading.eye_reader import EyeReader
 from scleraforce.reading.reading_models import Reader
 from scleraforce.records.needle import Needle, lean_ends, one_lean
@@ -212,6 +213,7 @@ def live_readers(reader: Reader, setup: Setup, scan: Scan) -> dict[str, EyeReade
     }
     for one in readers.values():
         one.warm()
+    warm_pictures()
     return readers
 
 

@@ -56,14 +56,11 @@ def read_signs(
             for pair in range(RUN - 1):
                 after = np.int64(pixels[row, column_bp[block, pair + 1]])
                 step = after - before
-                bit = ONE << np.uint64(pair)
-                if step > 0:
-                    rises |= bit
-                if step != 0:
-                    differs |= bit
+                # no branch: half of them would be taken by chance
+                rises |= np.uint64(step > 0) << np.uint64(pair)
+                differs |= np.uint64(step != 0) << np.uint64(pair)
                 if down == 1 and 0 < pair <= PAIRS:
                     step_p[block * PAIRS + pair - 1] = step
-                    told += step != 0
                 before = after
 
             for across in range(SHIFTS):
@@ -72,8 +69,9 @@ def read_signs(
                 rises_sb[place, block] = (rises >> shift) & PAIRS_MASK
                 differs_sb[place, block] = (differs >> shift) & PAIRS_MASK
 
-        if _bits(differs_sb[UNMOVED, block]) >= LEAST_PAIRS:
-            textured += 1
+        unequal = _bits(differs_sb[UNMOVED, block])
+        told += int(unequal)
+        textured += int(unequal >= LEAST_PAIRS)
 
     return textured, told
 

@@ -147,3 +147,13 @@ class ShownPictures:
         self._checksums: list[int | None] = [None] * self._most
         self._shape = shape
         self._count = 0
+
+
+def warm_pictures() -> None:
+    """Take pictures of each type, so that the first real one takes no longer than the
+    others.
+    """
+    rng = np.random.default_rng(0)
+    for kind in (np.uint8, np.uint16):
+        # with texture, by which it is compared
+        ShownPictures(1).back(rng.integers(0, 256, (GRID, GRID * RUN), kind))

@@ -16,6 +16,7 @@ Public:
     meridian_elements: `MeridianSize`, `meridian_mesh`
     mesh_section: `SNAP`, `WALL`, `columns_crossed`, `cut_sections`, `fill_section`,
         `slice_window`
+    small_matrices: `dilatations`, `inverses`
     tissue_material: `ELASTIC`, `PronySeries`, `burst_tension`, `lame_constants`,
         `line_weights`
     uneven_form: `thickness_factor`

@@ -33,7 +33,7 @@ from scleraforce.lab.training.reader_samples import draw_samples
 from scleraforce.library import OUTER
 from scleraforce.library.plane_cut import cut_surfaces, highest_depths
 from scleraforce.library.sealed_eye import iop_ratio_at_dent, iop_ratio_under_force
-from scleraforce.live.repeated_pictures import ShownPictures
+from scleraforce.live.repeated_pictures import warm_pictures
 from scleraforce.mechanics.axisymmetric_wall import (
     AxisymmetricPath,
     EvenWall,
@@ -42,7 +42,7 @@ from scleraforce.mechanics.axisymmetric_wall import (
 from scleraforce.mechanics.elastic_force import driven_back
 from scleraforce.mechanics.hexahedral_mesh import build_mesh
 from scleraforce.mechanics.load_path_tracing import PathEnd
-from scleraforce.mechanics.neo_hookean_solid import dilatations, inverses
+from scleraforce.mechanics.small_matrices import dilatations, inverses
 from scleraforce.reading.load_model import load_force_reader
 from scleraforce.reading.reading_models import ForceReader
 from scleraforce.recordings.clock_offsets import estimate_clocks
@@ -266,8 +266,7 @@ def compile_loops() -> None:
     library.covers(*walls, np.array([0.0]))
     iop_ratio_at_dent(library, *walls, np.zeros(1), globe)
     frame, scale, known = _frame()
-    for pixels in (frame, (frame >> 8).astype(np.uint8)):
-        ShownPictures(1).back(pixels)
+    warm_pictures()
 
     for reading in (_reader().read, _reader().read_live):
         for eye in (known, Setup()):
