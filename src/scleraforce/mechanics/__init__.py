@@ -17,6 +17,7 @@ Public:
     mesh_section: `SNAP`, `WALL`, `columns_crossed`, `cut_sections`, `fill_section`,
         `slice_window`
     small_matrices: `dilatations`, `inverses`
+    summed_elements: `sum_elements`
     tissue_material: `ELASTIC`, `PronySeries`, `burst_tension`, `lame_constants`,
         `line_weights`
     uneven_form: `thickness_factor`

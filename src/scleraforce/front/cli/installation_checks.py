@@ -43,6 +43,7 @@ from scleraforce.mechanics.elastic_force import driven_back
 from scleraforce.mechanics.hexahedral_mesh import build_mesh
 from scleraforce.mechanics.load_path_tracing import PathEnd
 from scleraforce.mechanics.small_matrices import dilatations, inverses
+from scleraforce.mechanics.summed_elements import sum_elements
 from scleraforce.reading.load_model import load_force_reader
 from scleraforce.reading.reading_models import ForceReader
 from scleraforce.recordings.clock_offsets import estimate_clocks
@@ -255,6 +256,10 @@ def compile_loops() -> None:
     build_mesh(12e-3, THICKNESS_M, divisions=2).locator.locate(
         np.tile([0.0, 0.1, 1.0], (2, 1))
     )
+    for kind in (np.float32, np.float64):
+        pair = np.zeros((1, 1, 1), np.int32)
+        places = np.full((1, 3, 3), -1, np.int32)
+        sum_elements(np.zeros((1, 3, 1, 3, 1), kind), pair, places, np.zeros(1))
     inverses(np.zeros((1, 3, 3)))
     dilatations(np.zeros((1, 3, 3)))
     globe = sealed_law(to_si(0.02, "mmhg13_per_ul")).over(MODULUS_PA)
