@@ -12,6 +12,7 @@ import plain_pictures
 import pytest
 from numpy.typing import NDArray
 
+from scleraforce.live import picture_signs, repeated_pictures
 from scleraforce.live.repeated_pictures import ShownPictures
 
 Pixels = NDArray[np.uint8] | NDArray[np.uint16]
@@ -265,19 +266,19 @@ def test_another_size_begins_anew_and_another_depth_does_not():
 
 
 @pytest.mark.parametrize("size", [(512, 512), (64, 700), (20, 40), (300, 900)])
-def test_loops_know_the_same_pictures_as_whole_arrays(size: tuple[int, int]):
+def test_loops_know_the_same_pictures_as_whole_arrays(
+    size: tuple[int, int], monkeypatch: pytest.MonkeyPatch
+):
     """New, old, moved and mixed pictures, few grey levels, of 16 and 8 bits."""
     rng = np.random.default_rng(3)
-    plain = plain_pictures.ShownPictures(MOST)
-    shown = ShownPictures(MOST)
     kept = [speckle(rng, size)]
-    answers = list[int]()
+    pictures = list[Pixels]()
 
     for _ in range(60):
         old = kept[rng.integers(len(kept))]
         new = speckle(rng, size)
         part = np.arange(size[1]) < size[1] * rng.uniform(0.2, 0.9)
-        pictures: list[Pixels] = [
+        kinds: list[Pixels] = [
             new,
             old,
             np.roll(kept[-1], tuple(rng.integers(-1, 2, 2)), (0, 1)),
@@ -286,15 +287,47 @@ def test_loops_know_the_same_pictures_as_whole_arrays(size: tuple[int, int]):
             (new > 3000).astype(np.uint16),
             np.full(size, rng.integers(3), dtype=np.uint16),
         ]
-        picture = pictures[rng.integers(len(pictures))]
+        picture = kinds[rng.integers(len(kinds))]
         if rng.random() < 0.2:
             picture = (picture >> 4).astype(np.uint8)
 
-        answers.append(shown.back(picture))
-        assert answers[-1] == plain.back(picture)
+        pictures.append(picture)
         kept.append(picture.astype(np.uint16))
 
-    assert 10 < np.count_nonzero(answers) < 50
+    def answers() -> list[int]:
+        shown = ShownPictures(MOST)
+        return [shown.back(picture) for picture in pictures]
+
+    by_loops = answers()
+    assert 10 < np.count_nonzero(by_loops) < 50
+    for name in ("read_signs", "alike_pictures"):
+        monkeypatch.setattr(repeated_pictures, name, getattr(plain_pictures, name))
+    assert by_loops == answers()
+
+
+def test_pictures_are_alike_for_loops_where_they_are_for_whole_arrays():
+    """Words whose halves agree by any share, so that each limit is met from both sides:
+    half a picture may be a copy while the other half is its negative.
+    """
+    rng = np.random.default_rng(5)
+    blocks = 64
+    left = np.arange(blocks) < blocks // 2
+    parts = np.stack([np.ones(blocks, dtype=np.bool_), left, ~left])
+    limits = parts, np.array([0.6, 0.8, 0.8]), np.array([43.0, 22.0, 22.0])
+    found = list[bool]()
+
+    for _ in range(400):
+        differs, rises = rng.integers(0, 2**32, (2, blocks), dtype=np.uint64)
+        differs[rng.random(blocks) < rng.choice([0.0, 0.2, 0.5])] = 0  # no texture
+        share = np.where(left, *rng.choice([0.0, 0.03, 0.3, 0.6, 0.85, 1.0], 2))
+        flipped = rng.random((blocks, 32)) < share[:, None]
+        others = rises ^ (flipped @ (np.uint64(1) << np.arange(32, dtype=np.uint64)))
+        words = others[None], differs[None], rises, differs, *limits
+        (alike,) = picture_signs.alike_pictures(*words)
+        assert [alike] == plain_pictures.alike_pictures(*words).tolist()
+        found.append(bool(alike))
+
+    assert 50 < sum(found) < 350
 
 
 def test_nothing_is_left_to_compile_once_the_pictures_are_warm():

@@ -119,8 +119,8 @@ def calibrate_recordings(
     library the stiffening, which is found on the first recording of an eye; otherwise
     the stiffening is the study's. `frames` of each recording are taken that bear enough
     force, deep dents among them (None: all). `progress` is called with 1 after each
-    frame, in each of `calibration_passes`. `walls`: with a network that
-    checks them, a frame in which it sees another wall is not used.
+    frame, in each of `calibration_passes`. `walls` finds them: where a network checks
+    it, a frame in which that sees another wall is not used.
     """
     if parameters is None:
         parameters = ("e",) if library is None else ("e", STIFFENING)
@@ -455,7 +455,6 @@ def _calibrate_eye(
     )
     records += _reread_records(taken, after, setup, started.status)
     names, means, sds = _parameters(after.setup, started)
-    _, globe = own_modulus_and_globe(after.setup)
     leaks = () if rests_pa is None else (LEAKS,)
     remarks = calibration_remarks(recording, frames, records, leaks)
     eye = EyeCalibration(
@@ -465,7 +464,7 @@ def _calibrate_eye(
         sds=sds,
         bounds_n=study.classes.bounds_n,
         stated_thickness_m=declared(after.setup.eye.thickness_m, "eye: thickness_m"),
-        globe=globe,
+        globe=declared(after.setup.eye.globe, "globe"),
         recordings=used_recordings(recording, forces, earlier, remarks),
         frames=tuple(records),
         discrepancy=after.setup.eye.discrepancy,

@@ -115,8 +115,8 @@ class EyeCalibration:
     shape of the dents (`calibration.stiffness_from_shape`). The filter's `state`, from
     which the eye's next recording continues, its `steps`, for figures, the `prior` of
     E, and the `errors` of what is declared, are missing if read from a file.
-    `whole_sd_pa`: standard deviation of E with these, which forces do not feel; None:
-    without.
+    `whole_sd_pa`: standard deviation of E with those errors, which forces do not feel;
+    None: they are not known.
     """
 
     id: str

@@ -744,40 +744,36 @@ class _EyeProblem:
         """Return how far ln E is off by the errors of what is taken for right: what is
         declared of the eye, and the library's forces.
 
-        Of each, the prior of all frames is moved by one standard deviation; E follows
-        as the normal equations have it.
+        The prior of each is moved in all frames, and E follows as the normal equations
+        have it.
         """
-        thickness_sd_m = float(self.known_sd[unknowns.THICKNESS])
-        is_thickness_right = unknowns.THICKNESS in self.own_names
         others = [
-            (self.places(name), float(self.known_sd[name]))
+            self._slope_by(terms, self.places(name)) * float(self.known_sd[name])
             for name in _DECLARED
             if name in self.own_names and name != unknowns.THICKNESS
         ]
         others += [
-            (np.array([self.extras.start + number]), float(EXTRA_SD[number]))
+            self._slope_by(terms, np.array([self.extras.start + number]))
+            * float(EXTRA_SD[number])
             for number in (LEVEL, GROWTH)
         ]
-        moved = [self._moved_modulus(terms, *each) for each in others]
-        by_thickness = (
-            self._moved_modulus(terms, self.places(unknowns.THICKNESS), thickness_sd_m)
-            / thickness_sd_m
-            if is_thickness_right
-            else 0.0
-        )
+        thickness = unknowns.THICKNESS
+        is_declared = thickness in self.own_names
         return DeclaredErrors(
-            others_sd=hypot(*moved),
-            by_thickness=by_thickness,
-            thickness_sd_m=thickness_sd_m,
+            others_sd=hypot(*others),
+            by_thickness=(
+                self._slope_by(terms, self.places(thickness)) if is_declared else 0.0
+            ),
+            thickness_sd_m=float(self.known_sd[thickness]),
         )
 
-    def _moved_modulus(
-        self, terms: NormalEquations, places: Places, distance: float
-    ) -> float:
-        """Return how far ln E follows where the priors at these places are moved."""
+    def _slope_by(self, terms: NormalEquations, places: Places) -> float:
+        """Return the slope of ln E by the mean of the priors at these places, which
+        move together.
+        """
         (modulus,) = self.places(unknowns.MODULUS)
         pull = np.zeros(self.count)
-        pull[places] = distance / self.sd[places] ** 2
+        pull[places] = self.sd[places] ** -2.0
         left, _ = self._eliminate(terms.normal, pull, 0.0)
         return float((covariance_of(left.normal) @ left.gradient)[modulus])
 

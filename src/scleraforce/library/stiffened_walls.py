@@ -59,14 +59,9 @@ class ReducedRows:
     basis_kv: NDArray[np.float32]
     differences: tuple[Steps, ...]
 
-    @property
-    def count(self) -> int:
-        """The number of rows."""
-        return prod(self.differences[0].shape[1:])
-
     def steps(self) -> Floats:
         """Return the integers that multiply the parts (row, part)."""
-        count = self.count
+        count = prod(self.differences[0].shape[1:])
         summed = [_summed(part).reshape(len(part), count) for part in self.differences]
         return np.ascontiguousarray(np.concatenate(summed, dtype=np.float64).T)
 

@@ -12,8 +12,7 @@ from scleraforce.reading.force_trend import TrendLimits
 from scleraforce.records.verdict import Verdict, upper_end
 
 LEAST = {"rate_frames": 4, "frozen_frames": 2}  # of the other counts, 1
-# of a scanner's interval as it is measured, relative: the mean of arrivals, while the
-# machine is busy
+# relative, of a scanner's measured interval: frames arrive late on a busy machine
 INTERVAL_ERROR = 0.05
 MAY_BE_ZERO = ("rate_deviations", "lag_drift", "eye_m_s", "travel_lag_s")
 
@@ -83,8 +82,8 @@ class MonitorLimits(TrendLimits):
         may come late: while that many come within the reaction time and the longest
         stretch that may go unread, a withdrawal is later by one of their gaps at most,
         4 ms. A scanner of 100 Hz that loses nothing has gaps of 10 ms. So shorter rows
-        never count. An interval is the mean of arrivals: a scanner of 1,000 Hz that
-        loses three frames between two must not count because 1.01 ms were measured.
+        never count, nor do rows that are longer by the error of the interval alone:
+        three frames of a scanner of 1,000 Hz whose interval is measured as 1.01 ms.
         """
         interval_s = loss.unread_s / loss.lost if loss.lost >= 1 else inf
         most_s = (1.0 + INTERVAL_ERROR) * self.short_gap_s - interval_s + SLACK_S
