@@ -31,11 +31,13 @@ def test_the_contrast_of_pairs_is_that_of_speckle_whatever_the_gain(
 
 
 def lit_pairs(rows: int, lost: bool = False) -> np.ndarray:
-    """A frame with 8 lit pairs in each row."""
+    """A frame with 8 lit pairs in each row, and a brighter pixel."""
     row = np.repeat(np.array([100, 300], dtype=np.uint16), 8)
     frame = np.tile(row, (rows, 1))
     frame[7, 3] *= not lost
-    return frame
+    brightest = np.zeros((1, 16), dtype=np.uint16)
+    brightest[0, 0] = 301
+    return np.vstack([brightest, frame])
 
 
 DARK = np.zeros((64, 64), dtype=np.uint16)
@@ -54,6 +56,15 @@ def test_other_displays_and_frames_with_hardly_any_light_stay_unchanged(frame):
 def test_two_hundred_lit_pairs_tell_a_linear_display():
     assert as_logarithmic(lit_pairs(25)) is not lit_pairs(25)
     assert as_logarithmic(lit_pairs(25)).max() > 30_000
+
+
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.02])
+def test_a_linear_display_is_recognised_where_it_saturates(share: float):
+    """Saturated pixels are all alike, although the light is not."""
+    shown = speckle()
+    shown = (4095.0 * shown / np.quantile(shown, 1.0 - share)).clip(0, 4095)
+    frame = shown.astype(np.uint16)
+    assert as_logarithmic(frame) is not frame
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])

@@ -75,10 +75,11 @@ def test_an_opening_is_the_largest_of_the_smallest_in_each_window(window, dtype)
 
 def contrast_by_arrays(frame: np.ndarray) -> float:
     """Return the median share of a pair's difference in its sum, over its brightest
-    tenth.
+    tenth, of pixels below the largest count.
     """
     rows = frame[:: max(1, len(frame) // 24)].astype(np.int32)
-    lit = (rows[:, 8:] > 0) & (rows[:, :-8] > 0)
+    counted = (rows > 0) & (rows < frame[::4].max())
+    lit = counted[:, 8:] & counted[:, :-8]
     one, other = rows[:, 8:][lit], rows[:, :-8][lit]
     if len(one) < 200:
         return 0.0

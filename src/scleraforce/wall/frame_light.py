@@ -132,7 +132,7 @@ def as_logarithmic(frame: Pixels) -> Pixels:
 
 def pair_contrast(frame: Pixels) -> float:
     """Return how much the brightest tenth of pairs differ, as a share of their sums
-    (median): 0 where few are lit.
+    (median): 0 where few are lit. Pixels of the largest count are left out.
     """
     return find_lit(counts_of(frame))[-1]
 
@@ -149,8 +149,10 @@ def _logarithms(largest: int) -> Counts:
 
 
 @compiled
-def _contrast(frame: Counts) -> float:
-    """Return the contrast of pairs: see `pair_contrast`."""
+def _contrast(frame: Counts, largest: np.int64) -> float:
+    """Return the contrast of pairs: see `pair_contrast`. Nothing tells how bright a
+    pixel of the largest count was: it may be saturated.
+    """
     step = max(1, len(frame) // LOOKED_AT_ROWS)
     columns = max(frame.shape[1] - PAIR_COLUMNS, 0)
     mean = np.empty(((len(frame) - 1) // step + 1, columns), np.uint16)
@@ -164,7 +166,7 @@ def _contrast(frame: Counts) -> float:
             one = np.int32(line[at + PAIR_COLUMNS])
             other = np.int32(line[at])
             # no branch: half of them would be taken by chance
-            lit = (one > 0) & (other > 0)
+            lit = (one > 0) & (other > 0) & (one < largest) & (other < largest)
             line_mean[at] = ((one + other) >> 1) * np.int32(lit)
             number += lit
 
@@ -230,7 +232,7 @@ def find_lit(frame: Counts) -> Lit:
             after = column + 1
             lit = lit + 1
 
-    return left, after, lit, largest, dark, _contrast(frame)
+    return left, after, lit, largest, dark, _contrast(frame, largest)
 
 
 @compiled
