@@ -170,7 +170,7 @@ def _signed_distances(
     return side_m, end_m
 
 
-def _columns_m(oct_study: OctStudy) -> Floats:
+def column_places(oct_study: OctStudy) -> Floats:
     """Return the lateral place of each column from the frame's middle, m."""
     return (
         np.arange(oct_study.columns) + 0.5
@@ -285,7 +285,7 @@ def _fill_columns(
     the contour.
     """
     pixel_m = oct_study.depth_m / oct_study.rows
-    columns_m = _columns_m(oct_study)
+    columns_m = column_places(oct_study)
     wall_m = column_crossings(
         np.concatenate([section.contour, section.outer[:1]]), columns_m
     )
@@ -393,7 +393,8 @@ def _backscatter(
         layer, filled, _ = tissue.over
         scatter = scatter + decibel(layer.level_db) * filled
 
-    light = decibel(optics.snr_db) * transmission(optics.shadows, _columns_m(oct_study))
+    columns_m = column_places(oct_study)
+    light = decibel(optics.snr_db) * transmission(optics.shadows, columns_m)
     return (scatter * np.exp(-2.0 * depth) * light).astype(np.float32)
 
 
@@ -410,7 +411,7 @@ def _bright_curves(
     wall below a conjunctiva.
     """
     pixel_m = oct_study.depth_m / oct_study.rows
-    columns_m = _columns_m(oct_study)
+    columns_m = column_places(oct_study)
     pixel_ratio = pixel_m / (oct_study.width_m / oct_study.columns)
     light = transmission(optics.shadows, columns_m)
     surfaces = [(tissue.surface_row, optics.reflection_db)]

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import scipy
 
-from scleraforce.base.arrays import Floats
+from scleraforce.base.arrays import Counts, Floats
 from scleraforce.base.errors import RecordingError
 from scleraforce.base.units import from_si
 from scleraforce.base.version import __version__
@@ -631,6 +631,10 @@ def with_travel(plan: PhantomPlan, sections_at: SectionsAt) -> PhantomPlan:
     return replace(plan, frames=tuple(frames))
 
 
+# a frame of a plan, and the section under its force -> its counts (row, column)
+FrameRenderer = Callable[[PhantomFrame, WallSection], Counts]
+
+
 def render_frame(frame: PhantomFrame, section: WallSection, study: Study) -> Bscan:
     """Form one frame of a plan, from the section under its force, with the needle's
     shaft and track, if any.
@@ -671,9 +675,10 @@ def write_phantom(
     progress: Callable[[int], object] | None = None,
     *,
     tell_globe: bool = True,
+    render: FrameRenderer | None = None,
 ) -> None:
     """Write a virtual acquisition as a recording folder with `truth.json`; equal plans
-    give equal bytes.
+    give equal bytes. `render` forms the frames in place of the study's scanner.
     """
     if out.exists() and not (out.is_dir() and not any(out.iterdir())):
         raise RecordingError(
@@ -713,12 +718,12 @@ def write_phantom(
 
         for frame, section in zip(plan.frames, sections, strict=True):
             values = tuple(_more_columns(frame).values())
-            writer.add(
-                frame.file,
-                frame.time_s,
-                render_frame(frame, section, study).frame,
-                values,
+            pixels = (
+                render_frame(frame, section, study).frame
+                if render is None
+                else render(frame, section)
             )
+            writer.add(frame.file, frame.time_s, pixels, values)
 
             if progress is not None:
                 progress(1)
