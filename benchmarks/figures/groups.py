@@ -296,6 +296,24 @@ def _another_scanner(setup: Setup, study: Study, rng: Generator) -> Drawn:
     return setup, replace(study, phantom=phantom, oct=oct_study)
 
 
+def _dim(setup: Setup, study: Study, _rng: Generator) -> Drawn:
+    """Return an open eye before a scanner whose light hardly reaches the wall's end:
+    12 dB less, and lost two to three times as fast in the wall.
+    """
+    phantom = study.phantom
+    phantom = replace(
+        phantom,
+        snr_db=_times(phantom.snr_db, 1.0, -12.0),
+        attenuation_per_m=Range(min=1.5e3, max=3e3),
+    )
+    return setup, replace(study, phantom=phantom)
+
+
+def _linear(setup: Setup, study: Study, _rng: Generator) -> Drawn:
+    """Return an open eye before a scanner whose counts grow with the light itself."""
+    return setup, replace(study, phantom=replace(study.phantom, display="linear"))
+
+
 def _moving(setup: Setup, study: Study, rng: Generator) -> Drawn:
     """Return a plain or, as often, a harder eye that turns under the needle by 1 to 3
     degrees, with small saccades.
@@ -407,6 +425,8 @@ GROUPS: Mapping[str, Group] = {
         )
         for width_mm in (5, 7, 10)
     },
+    "dim": Group(own=_dim, accuracy_percent=95, error_mn=0.5),
+    "linear": Group(own=_linear, accuracy_percent=97, error_mn=0.5),
 }
 
 

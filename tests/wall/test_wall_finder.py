@@ -192,7 +192,6 @@ def test_a_wall_at_the_edge_of_a_second_look_is_there():
     ("outer", "inner", "reason"),
     [
         (20.0, 20.0, "two methods to find the wall differ: its surface lies up to"),
-        (0.0, 14.0, "two methods to find the wall differ: its inner boundary lies up"),
         (-3.0, 0.0, "two methods to find the wall differ: its surface lies up to"),
     ],
 )
@@ -208,6 +207,24 @@ def test_a_network_that_sees_another_wall_makes_the_frame_unusable(
     # shown is the network's, whose edge would be another thing's
     off = np.nanmedian(off_rows(checked.outer_row, wall[0])[60:450])
     assert off == pytest.approx(4.0 * outer, abs=3.0)
+
+
+@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize(("inner", "sd"), [(14.0, 0.5), (-8.0, 0.5), (-8.0, 9.0)])
+def test_where_both_differ_about_the_end_alone_the_surface_is_used(
+    inner: float, sd: float, known: bool
+):
+    """Unless the wall is as thick as it is known to be."""
+    bscan, *wall = drawn_wall(0.6e-3)
+    finder = fixed_finder(wall[0], wall[1] + inner, sd=sd)
+    thickness_m = 0.6e-3 if known else None
+    checked = find_wall(bscan.frame, SCALE, thickness_m, finder)
+    assert checked.usable
+    assert checked.boundaries == ("both" if known else "surface")
+    if known:
+        assert checked.thickness_m == pytest.approx(0.6e-3, abs=15e-6)
+    off = np.nanmedian(off_rows(checked.outer_row, wall[0])[60:450])
+    assert off == pytest.approx(0.0, abs=1.0)
 
 
 def test_a_network_that_sees_the_wall_agrees_to_a_tenth_of_the_limit():
@@ -253,9 +270,8 @@ def test_an_end_that_the_network_does_not_know_has_to_be_seen_by_the_other_metho
     sd = 0.4 * np.nanmedian(inner - outer)
     finder = finder_of(distributions(outer), distributions(inner + below, sd), outer)
     checked = find_wall(bscan.frame, SCALE, finder=finder)
-    assert checked.usable == (not below)
-    if below:
-        assert "the network does not know where the wall ends, in" in checked.reason
+    assert checked.usable
+    assert checked.boundaries == ("surface" if below else "both")
 
 
 @pytest.mark.parametrize("row", [20.0, np.nan])

@@ -252,6 +252,13 @@ class Answer:
         """Median thickness of a layer over the wall."""
         return None if self.segmentation is None else self.segmentation.conjunctiva_m
 
+    @property
+    def boundaries(self) -> str | None:
+        """Which boundaries of the wall were read: "both" or "surface"; None without a
+        wall.
+        """
+        return None if self.segmentation is None else self.segmentation.boundaries
+
     def to_dict(self) -> dict[str, Any]:
         """Return the answer's keys in the JSON of `read` and `evaluate`, as plain
         types.
@@ -287,6 +294,7 @@ class Answer:
                 "pressure_mmhg": from_si(self.iop_at_dent_pa, "mmhg"),
                 "needle": needle_entry(self.needle),
                 "wall": None if self.segmentation is None else self.segmentation.source,
+                "boundaries": self.boundaries,
                 "conjunctiva_um": from_si(self.conjunctiva_m, "um"),
                 "usable": self.usable,
                 "reason": self.reason,

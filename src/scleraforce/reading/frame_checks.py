@@ -22,6 +22,7 @@ from scleraforce.fit.one_frame import NO_WALL_M, BoundaryFit
 from scleraforce.fit.prior_of_an_eye import FREE_SD, Prior
 from scleraforce.reading.answer import Answer, Reading, unusable_answer
 from scleraforce.records.frame import Pixels
+from scleraforce.records.remark import Remark
 from scleraforce.records.scan import PixelScale
 from scleraforce.records.setup import Setup
 from scleraforce.records.study import Range, ReaderStudy, SliceStudy, Study
@@ -30,7 +31,11 @@ from scleraforce.wall.find_wall import find_wall
 from scleraforce.wall.frame_light import as_logarithmic
 from scleraforce.wall.needle_in_frame import SeenNeedle
 from scleraforce.wall.wall import Segmentation
-from scleraforce.wall.wall_in_metres import Boundaries, boundary_slices
+from scleraforce.wall.wall_in_metres import (
+    Boundaries,
+    assumed_inner_row,
+    boundary_slices,
+)
 from scleraforce.wall.wall_network import WallFinder
 
 # Of the slice's width, from end to end, or of a narrower frame's. In frames of 5 and 7
@@ -257,6 +262,10 @@ NEEDLE_SEEN = (
     "a needle hides a part of the wall, and the network was not trained on such slices"
 )
 
+NO_THICKNESS = (
+    "the wall's end is not seen, and its thickness is not stated (eye.thickness_m)"
+)
+
 _NOTHING = np.zeros((1, 0, 0), dtype=np.uint8)  # no slice
 
 
@@ -281,6 +290,22 @@ class SlicedFrame:
         return self.segmentation.needle
 
 
+def no_slice(seen: SlicedFrame, thickness_m: float | None) -> str | None:
+    """Return why a network cannot read the slices of a frame: nothing says how thick
+    the wall is; None if it can.
+    """
+    if seen.segmentation.inner_found or thickness_m is not None:
+        return None
+    return NO_THICKNESS
+
+
+def surface_read(wall: Segmentation) -> Remark:
+    """Return the remark on an answer that was read from a wall's surface alone."""
+    why = wall.inner_doubt or "no edge shows where the wall ends"
+    words = f"read from the surface alone: {why}"
+    return Remark("surface-alone", words, ("thickness_m",))
+
+
 SECOND_SURFACE = (
     "another surface lies {:.0f} µm below the first, which may be that of soft layers"
     " over the sclera; declare the wall's thickness"
@@ -300,7 +325,8 @@ def segment_and_slice(
     model reads.
 
     Where the thickness is not known and there is time for a finder, a second surface
-    below the first is a fault.
+    below the first is a fault. An inner boundary that is not seen lies a known
+    thickness below the surface.
     """
     found = find_wall(frame, scale, thickness_m, finder if wall is None else None)
     found = found if wall is None else replace(wall, needle=found.needle)
@@ -313,6 +339,10 @@ def segment_and_slice(
             return SlicedFrame(
                 found, _NOTHING, SECOND_SURFACE.format(from_si(below_m, "um"))
             )
+
+    if thickness_m is not None and not found.inner_found:
+        inner_row = assumed_inner_row(found, scale, thickness_m)
+        found = replace(found, inner_row=inner_row)
 
     cuts, leaves, extent_m = boundary_slices(found, scale, slice_study, shifts)
     reason = None if cuts[0].any() else "the wall lies outside the window of the slice"

@@ -206,6 +206,10 @@ class Reader(ABC):
         """Return an answer with the model's name and class bounds, and the wall that
         was read.
         """
+        if answer.usable and wall is not None and not wall.inner_found:
+            remark = frame_checks.surface_read(wall)
+            answer = replace(answer, remarks=(*answer.remarks, remark))
+
         return replace(
             answer,
             segmentation=wall,
@@ -363,7 +367,7 @@ class Classifier(Reader):
         seen: frame_checks.SlicedFrame,
         frame: Pixels,  # noqa: ARG002 - a reader's signature
         scale: PixelScale,  # noqa: ARG002 - a reader's signature
-        setup: Setup,  # noqa: ARG002 - a reader's signature
+        setup: Setup,
     ) -> Answer:
         """Ask the network, unless a needle hides a part of the slice or the dent leaves
         it.
@@ -374,6 +378,8 @@ class Classifier(Reader):
         """
         if seen.needle:
             return unusable_answer(self.classes, frame_checks.NEEDLE_SEEN)
+        if reason := frame_checks.no_slice(seen, setup.eye.thickness_m):
+            return unusable_answer(self.classes, reason)
         if seen.dent_leaves:
             return unusable_answer(
                 self.classes, "the dent leaves the window of the slice"
@@ -463,10 +469,12 @@ class ForceReader(Reader):
         """Return why the network cannot read the slices of a frame, although the fit
         may; None if it can.
         """
-        reason = self.refusal(setup) or (
-            frame_checks.NEEDLE_SEEN if seen.needle else None
+        return (
+            self.refusal(setup)
+            or (frame_checks.NEEDLE_SEEN if seen.needle else None)
+            or frame_checks.no_slice(seen, setup.eye.before_learning.thickness_m)
+            or frame_checks.seen_by_network(seen.extent_m, self.study.slice)
         )
-        return reason or frame_checks.seen_by_network(seen.extent_m, self.study.slice)
 
     def library_for(self, setup: Setup) -> Library:
         """Return the library of an eye's tissue at its contact, or at the middle of the

@@ -61,6 +61,7 @@ SEVERITY_OF: Mapping[str, Severity] = MappingProxyType(
         # answers
         "methods-disagree": "doubt",
         "fit-unchecked": "caution",
+        "surface-alone": "caution",
         "plane-left-out": "caution",
         "lean-contradicted": "doubt",
         "lean-not-calibrated": "caution",

@@ -52,8 +52,9 @@ def find_wall(
     """Find the wall in a frame: the one that forces are read from.
 
     `frame`: counts, uint8 or uint16, shape (row, column); rows go down into the eye.
-    With a known thickness the surface is looked for below a conjunctiva, too. A network
-    (`finder`) checks the wall, which is then the one that both methods give (see
+    With a known thickness the surface is looked for below a conjunctiva, too, and an
+    inner boundary that lies so deep needs no other witness. A network (`finder`) checks
+    the wall, which is then the one that both methods give (see
     `two_methods.checked_by`); the control loop has no time for its 7 ms. A frame
     without a wall has NaN boundaries and an empty mask.
 
@@ -94,7 +95,7 @@ def find_wall(
     # 57 ms: ONNX Runtime and the models, not without a finder
     from scleraforce.wall.two_methods import checked_by
 
-    return checked_by(finder, frame, scale, first, found)
+    return checked_by(finder, frame, scale, first, found, thickness_m)
 
 
 def _first_wall(

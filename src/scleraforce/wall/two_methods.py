@@ -4,9 +4,10 @@ network, and a network's.
 The first is finer, the network knows better where a wall ends. Where they agree the
 wall is the first method's, with the network's inner boundary in stretches where light
 falls more there. Elsewhere it is the network's, moved to an edge of the full frame
-within the network's own resolution. A frame in which the network sees another wall, by
-more than both are unsure of, or in which it is too unsure of the wall's end, is not
-usable. Forces are read from the wall that is returned, and pages and masks show it.
+within the network's own resolution. A frame in which the network sees another surface,
+by more than both are unsure of, is not usable. Where both differ about the inner
+boundary alone, and the wall is not as thick as it is known to be, the surface alone is
+used. Forces are read from the wall that is returned, and pages and masks show it.
 
 All comparisons are made at the columns that the network answers for, in rows of the
 full frame.
@@ -67,12 +68,12 @@ OTHER_ROWS = 2.0  # the standard deviation of `find_wall` in rows
 OTHER_INNER_SHARE = 0.08  # ... and of its inner boundary, in thicknesses
 DIFFERING_SHARE = 0.2  # of the columns that both see
 UNSEEN_SHARE = 0.3  # of the columns that either sees are seen by one alone
-# the wall's end is unsure by so much of it, in so much of the wall
-UNSURE_THICKNESS = 0.25
-UNSURE_SHARE = 0.5
-# ... unless the other method sees it this near, in thicknesses, or within a network's
-# row
+# both see the wall's end this near, in thicknesses, or within a network's row; or one
+# sees it where the known thickness ends
 CONFIRMED_THICKNESS = 0.1
+UNCONFIRMED_SHARE = 0.5  # of the columns that both see do not, at most
+# a network that is unsure of the wall's end by so much of it tells nothing of a layer
+UNSURE_THICKNESS = 0.25
 # share of the thickness looked at above and below a boundary
 SIDE_SHARE = 0.1
 LEAST_SIDE_ROWS = 3.0
@@ -96,9 +97,10 @@ def checked_by(
     scale: PixelScale,
     first: Segmentation,
     found: Segmentation,
+    thickness_m: float | None = None,
 ) -> Segmentation:
     """Return the wall that both methods give together, usable if nothing speaks against
-    it.
+    it; `thickness_m`: of the wall, if it is known.
 
     `first` is the wall in a frame of a logarithmic display from the first surface on,
     `found` the one below a conjunctiva, the same object if none is seen. Below a
@@ -112,15 +114,17 @@ def checked_by(
     seen = finder.find(frame)
     beside_found = differences_of(found, seen)
     beside_first = beside_found if first is found else differences_of(first, seen)
-    disagreement = min(_largest(beside_found), _largest(beside_first))
-    methods = BothWalls(found, first, seen, disagreement)
     reason = found.reason or (
         reason_to_doubt(beside_found) and reason_to_doubt(beside_first)
     )
+    disagreement = min(_largest(beside_found), _largest(beside_first))
+    by_each = found, first, seen
 
+    layer_rows = LAYER_M * scale.refractive_index / scale.depth_m
     if found is first and sees_wall(seen):
         shown = refined_wall(part, seen)
-        if ways_agree(found, seen, LAYER_M * scale.refractive_index / scale.depth_m):
+        is_as_thick = _is_as_thick(found, thickness_m)
+        if ways_agree(found, seen, layer_rows, inner_known=is_as_thick):
             apart = np.maximum(SDS * _inner_sd(seen), seen.step_rows)
             shown = joined_walls(
                 frame,
@@ -133,13 +137,42 @@ def checked_by(
             _keep_gaps(found, shown)
         found = replace(shown, needle=found.needle)
 
-    inner_row = (
-        sharpened_boundary(frame, found.inner_row, scale)
-        if found.inner_found
-        else found.inner_row
+    inner_excess, inner_doubt = (
+        (0.0, "")
+        if not found.inner_found or _is_as_thick(found, thickness_m)
+        else _inner_difference(found, seen, 0.0 if thickness_m else layer_rows)
     )
+    methods = BothWalls(*by_each, max(disagreement, inner_excess))
+    found = replace(found, usable=not reason, reason=reason, methods=methods)
+    if inner_excess > 1.0:
+        return surface_alone(found, inner_doubt, scale)
+    if not found.inner_found:
+        return found
+    return replace(found, inner_row=sharpened_boundary(frame, found.inner_row, scale))
+
+
+def _is_as_thick(found: Segmentation, thickness_m: float | None) -> bool:
+    """Return whether a wall is as thick as it is known to be: what the other method
+    takes for its end is another layer's.
+    """
+    if thickness_m is None:
+        return False
+    return abs(found.thickness_m - thickness_m) <= CONFIRMED_THICKNESS * thickness_m
+
+
+def surface_alone(
+    found: Segmentation, inner_doubt: str, scale: PixelScale
+) -> Segmentation:
+    """Return a wall whose inner boundary is not used; it is assumed as deep as where
+    none is seen.
+    """
+    below_rows = UNSEEN_DEPTH_M * scale.refractive_index / scale.depth_m
     return replace(
-        found, inner_row=inner_row, usable=not reason, reason=reason, methods=methods
+        found,
+        inner_row=found.outer_row + below_rows,
+        inner_found=False,
+        inner_doubt=inner_doubt,
+        thickness_m=float("nan"),
     )
 
 
@@ -154,9 +187,15 @@ def _keep_gaps(found: Segmentation, shown: Segmentation) -> None:
         boundary[gaps] = np.nan
 
 
-def ways_agree(other: Segmentation, seen: SeenWall, layer_rows: float) -> bool:
+def ways_agree(
+    other: Segmentation,
+    seen: SeenWall,
+    layer_rows: float,
+    *,
+    inner_known: bool = False,
+) -> bool:
     """Return whether a wall is the one that the network sees, but for a layer below of
-    at most `layer_rows`.
+    at most `layer_rows`; with `inner_known` its surface alone.
     """
     if not other.inner_found:
         return False
@@ -176,6 +215,7 @@ def ways_agree(other: Segmentation, seen: SeenWall, layer_rows: float) -> bool:
     # of two boundaries below the frame nobody sees which is lower
     last = other.rows - 1.0 - seen.step_rows
     inner |= (seen.inner_row > last) & (other.inner_row[at] > last)
+    inner |= inner_known
     seen_by_both = int(np.count_nonzero(both))
     same = int(np.count_nonzero(both & outer & inner))
 
@@ -207,9 +247,7 @@ def differences_of(other: Segmentation, seen: SeenWall) -> list[Difference]:
 
 
 def _differences(other: Segmentation, seen: SeenWall) -> Iterator[Difference]:
-    """Yield each difference of a wall from the network's: in multiples of the largest
-    usable one, and in words.
-    """
+    """Yield each difference of a wall from the network's."""
     at = seen.frame_column
     if not sees_wall(seen):
         if np.isfinite(other.outer_row).any():
@@ -220,23 +258,6 @@ def _differences(other: Segmentation, seen: SeenWall) -> Iterator[Difference]:
 
         return
 
-    thickness = seen.inner_row - seen.outer_row
-    off = np.abs(seen.inner_row - other.inner_row[at])
-    unsure = (
-        seen.there
-        & (seen.inner_row < other.rows - 1.0)
-        & (seen.inner_sd > UNSURE_THICKNESS * thickness)
-    )
-
-    if other.inner_found:  # which confirms the same end
-        # NaN: it sees no wall
-        unsure &= ~(off <= np.maximum(seen.step_rows, CONFIRMED_THICKNESS * thickness))
-
-    share = _share(unsure, seen.there)
-    yield (
-        share / UNSURE_SHARE,
-        f"the network does not know where the wall ends, in {share:.0%} of its columns",
-    )
     both, either = _columns(other, seen)
     share = _share(either & ~both, either)
     yield (
@@ -245,12 +266,35 @@ def _differences(other: Segmentation, seen: SeenWall) -> Iterator[Difference]:
     )
     above = np.abs(seen.outer_row - other.outer_row[at])
     yield _distance(
-        "surface", above, above > SDS * np.hypot(seen.outer_sd, OTHER_ROWS), both
+        "surface",
+        above,
+        above > SDS * np.hypot(seen.outer_sd, OTHER_ROWS),
+        both,
+        DIFFERING_SHARE,
     )
 
-    if other.inner_found:
-        differs = (off > SDS * _inner_sd(seen)) & (other.inner_row[at] < other.rows)
-        yield _distance("inner boundary", off, differs, both)
+
+def _inner_difference(
+    wall: Segmentation, seen: SeenWall, layer_rows: float
+) -> Difference:
+    """Return the difference of a wall's inner boundary from the network's, which may be
+    the end of a layer of at most `layer_rows` below the wall.
+
+    Forces are read from the surface alone where they differ, which widens an interval
+    by little: two ways to see the wall's end have to find the same one.
+    """
+    both, _ = _columns(wall, seen)
+    inner_row = wall.inner_row[seen.frame_column]
+    thickness = seen.inner_row - seen.outer_row
+    thicker = seen.inner_row - inner_row
+    off = np.abs(thicker)
+    # of two boundaries below the frame nobody sees which is lower
+    differs = inner_row < wall.rows
+    differs &= off > np.maximum(seen.step_rows, CONFIRMED_THICKNESS * thickness)
+    is_layer = (thicker > 0.0) & (thicker < layer_rows) & (off <= SDS * _inner_sd(seen))
+    is_sure = seen.inner_sd <= UNSURE_THICKNESS * thickness
+    differs &= ~(is_layer & is_sure)
+    return _distance("inner boundary", off, differs, both, UNCONFIRMED_SHARE)
 
 
 def _inner_sd(seen: SeenWall) -> Floats:
@@ -262,11 +306,13 @@ def _inner_sd(seen: SeenWall) -> Floats:
     return sd
 
 
-def _distance(name: str, off: Floats, differs: Flags, both: Flags) -> Difference:
+def _distance(
+    name: str, off: Floats, differs: Flags, both: Flags, usable_share: float
+) -> Difference:
     differs = differs & both
     share = _share(differs, both)
     rows = off[differs].max(initial=0.0)
-    return share / DIFFERING_SHARE, _sentence(
+    return share / usable_share, _sentence(
         f"its {name} lies up to {rows:.0f} rows apart", share
     )
 

@@ -59,7 +59,7 @@ class BothWalls:
     conjunctiva), and the network's.
 
     `disagreement`: the largest difference in multiples of the largest usable one; above
-    1 the frame is refused.
+    1 the frame is refused, or its inner boundary is not used.
     """
 
     classical: "Segmentation"
@@ -94,6 +94,9 @@ class Segmentation:
     methods: BothWalls | None = None  #: the wall by each, if a network looked as well
     # : "found" in the frame, or given, as a "mask" or "corrected" in the recording
     source: str = "found"
+    # : why the inner boundary is not used, although the surface is; '': it is used, or
+    # no edge shows it
+    inner_doubt: str = ""
     sd_rows: float = 0.0  #: standard deviation of given boundaries
     # : the frame, of `sf.segment` and `sf.read`
     pixels: Pixels | None = field(default=None, compare=False, repr=False)
@@ -116,6 +119,11 @@ class Segmentation:
             "usable": self.reason or "yes",
         }
         return html_card("Wall", facts, self.overlay)
+
+    @property
+    def boundaries(self) -> str:
+        """Which boundaries forces are read from: "both", or "surface"."""
+        return "both" if self.inner_found else "surface"
 
     @property
     def overlay(self) -> Bytes:

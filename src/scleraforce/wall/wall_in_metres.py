@@ -133,6 +133,22 @@ def dent_depth_m(boundaries: Boundaries) -> float:
     return float((depth_m[middle] - line_m).max())
 
 
+def assumed_inner_row(
+    segmentation: Segmentation, scale: PixelScale, thickness_m: float
+) -> Floats:
+    """Return the rows of an inner boundary that lies a thickness below the surface,
+    along its normal, (column,); NaN without a surface.
+    """
+    lateral_m, outer_m = surface_places(segmentation, scale)
+    stretch = stretch_of(lateral_m, outer_m)
+    known = np.isfinite(stretch)
+    if known.any():  # at the ends of the surface as beside them
+        stretch = np.interp(lateral_m, lateral_m[known], stretch[known])
+
+    below_m = thickness_m * scale.refractive_index * stretch
+    return np.asarray(segmentation.outer_row + below_m / scale.depth_m)
+
+
 WAVE_M = 4e-3  # half the length of the wave that `dent_measures` lays on a surface
 
 
