@@ -73,7 +73,7 @@ INTERVAL = (0.05, 0.95)
 
 
 class UncertaintyDraws(NamedTuple):
-    """Standard normal numbers (draw, unknowns and two) and (draw, 2), and the eye's
+    """Standard normal numbers (unknowns and two, draw) and (draw, 2), and the eye's
     `ForceDiscrepancy`.
 
     `terms` (level and growth, 4): mean, standard deviation, and effects of E and
@@ -506,24 +506,19 @@ def _draw_forces(
     tables = problem.scene.tables  # once: each look into the problem counts references
     law = problem.law
     drawn = unknown.copy()
-    moved = np.empty(len(MOVING))
-    deciding = np.empty((UNKNOWNS, len(MOVING)))
-
-    for number in range(len(MOVING)):
-        deciding[:, number] = spread[:, MOVING[number]]
-
     normals, grown, terms, across = doubt
+    moved = np.zeros((len(MOVING), len(draws_n)))
     follows_eye = np.abs(doubt.terms[:, 2:]).max() > 0.0
 
-    for draw in range(len(draws_n)):
-        normal = normals[draw]
-        moved[:] = 0.0
+    for place in range(len(moved)):
         for number in range(UNKNOWNS):
-            for place in range(len(moved)):
-                moved[place] += normal[number] * deciding[number, place]
+            share = spread[number, MOVING[place]]
+            if share != 0.0:
+                compiled_search.add_times(moved[place], share, normals[number])
 
+    for draw in range(len(draws_n)):
         for place in range(len(moved)):
-            drawn[MOVING[place]] = unknown[MOVING[place]] + moved[place]
+            drawn[MOVING[place]] = unknown[MOVING[place]] + moved[place, draw]
 
         drawn[unknowns.TIP] = max(drawn[unknowns.TIP], 0.0)
         if not law.is_open:
@@ -546,15 +541,15 @@ def _draw_forces(
         )
 
         if follows_eye:
-            off = compiled_search.deviations(problem, drawn)
-            for one in range(2):
-                eye_z = min(max(off[one], -FARTHEST_EYE), FARTHEST_EYE)
-                level = level + eye_z * terms[0, 2 + one]
-                growth = growth + eye_z * terms[1, 2 + one]
+            of_force, of_pressure = compiled_search.deviations(problem, drawn)
+            for place, off in enumerate((of_force, of_pressure)):
+                eye_z = min(max(off, -FARTHEST_EYE), FARTHEST_EYE)
+                level = level + eye_z * terms[0, 2 + place]
+                growth = growth + eye_z * terms[1, 2 + place]
 
         level += growth * (min(max(borne_n / REFERENCE_N, 0.0), 1.0) - 0.5)
         borne_n = (
-            borne_n * np.exp(level) * np.exp(MODEL_SD * normal[UNKNOWNS])
-            + MODEL_SD_N * normal[UNKNOWNS + 1]
+            borne_n * np.exp(level) * np.exp(MODEL_SD * normals[UNKNOWNS, draw])
+            + MODEL_SD_N * normals[UNKNOWNS + 1, draw]
         )
         draws_n[draw] = max(borne_n, 0.0)

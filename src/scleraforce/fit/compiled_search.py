@@ -85,7 +85,7 @@ class SearchWorkspace(NamedTuple):
 
     `off` (place,): how far the columns lie off along the normal, in standard
     deviations. `last`: the unknowns, their cost and the number of nodes that were
-    found.
+    found. `derived` (unknown,): the unknowns of the derivatives.
     """
 
     wall: ShownWall
@@ -98,6 +98,7 @@ class SearchWorkspace(NamedTuple):
     rows: Floats
     off: Floats
     last: Floats
+    derived: Floats
 
 
 @compiled_part
@@ -127,6 +128,7 @@ def work_of(scene: FitGeometry) -> SearchWorkspace:
         np.empty((BLOCK, UNKNOWNS)),
         np.empty(count),
         np.full(UNKNOWNS + 2, np.nan),
+        np.full(UNKNOWNS, np.nan),
     )
 
 
@@ -142,12 +144,8 @@ def evaluate_cost(
     off = work.off
     lost = 0.0
     known = 0.0
-    is_last = True
 
-    for place in range(UNKNOWNS):
-        is_last = is_last and work.last[place] == unknown[place]
-
-    if is_last:
+    if _are_same(work.last[:UNKNOWNS], unknown):
         return work.last[UNKNOWNS], int(work.last[UNKNOWNS + 1])
 
     count = show_wall(problem.scene, unknown, work.wall, depths)
@@ -161,7 +159,7 @@ def evaluate_cost(
         lost += cauchy_loss(off[place]) if seen[place] else UNSEEN_LOSS
 
     away = unknown - belief.mean
-    apart = deviations(problem, unknown)
+    apart = np.array(deviations(problem, unknown))
 
     for place in HEAVY:
         known += cauchy_loss(away[place] / belief.sd[place], HEAVY_CAUCHY)
@@ -173,6 +171,15 @@ def evaluate_cost(
     work.last[UNKNOWNS + 1] = count
 
     return work.last[UNKNOWNS], count
+
+
+@compiled_in_place
+def _are_same(first: Floats, second: Floats) -> bool:
+    """Return whether unknowns are the same ones."""
+    are_same = True
+    for place in range(len(first)):
+        are_same = are_same and first[place] == second[place]
+    return are_same
 
 
 @compiled_in_place
@@ -194,22 +201,28 @@ def dot(first: Floats, second: Floats) -> float:
 
 
 @compiled_in_place
-def _add(values: Floats, times: float, others: Floats) -> None:
+def add_times(values: Floats, times: float, others: Floats) -> None:
+    """Add other values, times a number, without an array between."""
     for i in range(len(values)):
         values[i] += times * others[i]
 
 
-@compiled_part
-def deviations(problem: FrameProblem, unknown: Floats) -> Floats:
-    """Return the deviations (2,), in standard deviations, of the force at a dent and of
-    the pressure.
+@compiled_in_place
+def deviations(problem: FrameProblem, unknown: Floats) -> tuple[float, float]:
+    """Return the deviations, in standard deviations, of the force at a dent and of the
+    pressure.
     """
-    found = np.zeros(2)
-    found[0] = dot(unknown - problem.belief.mean, problem.belief.same_force)
-    if not problem.law.is_open:
-        off, sd = off_the_law(problem.scene.tables, problem.law, unknown)
-        found[1] = off / sd
-    return found
+    belief = problem.belief
+    of_force = 0.0
+    for place in range(len(unknown)):
+        away = unknown[place] - belief.mean[place]
+        of_force += away * belief.same_force[place]
+
+    if problem.law.is_open:
+        return of_force, 0.0
+
+    off, sd = off_the_law(problem.scene.tables, problem.law, unknown)
+    return of_force, off / sd
 
 
 @compiled_part
@@ -228,7 +241,10 @@ def find_normal(
     normal = work.normal
     gradient = work.gradient
     away = unknown.copy()
-    derive(problem.scene, unknown, count, work.wall, work.other, work.depths)
+    if not _are_same(work.derived, unknown):
+        derive(problem.scene, unknown, count, work.wall, work.other, work.depths)
+        work.derived[:] = unknown
+
     normal[:] = belief.precision
     away[:] = unknown - belief.mean
 
@@ -238,7 +254,7 @@ def find_normal(
         )
 
     slopes = np.zeros((2, UNKNOWNS))
-    off = deviations(problem, unknown)
+    off = np.array(deviations(problem, unknown))
     varied = unknown.copy()
     slopes[0] = belief.same_force
 
@@ -264,7 +280,7 @@ def find_normal(
                 + slopes[1, i] * belief.calibrated[1, m]
             )
             gradient[i] -= weighted * off[m]
-            _add(normal[i], weighted, slopes[m])
+            add_times(normal[i], weighted, slopes[m])
 
     _add_columns(problem, scale, work)
 
@@ -291,7 +307,7 @@ def _add_columns(problem: FrameProblem, scale: float, work: SearchWorkspace) -> 
         for place in range(first, min(first + BLOCK, len(off))):
             if seen[place]:
                 rest[place - first] = weight[place] * off[place]
-                _add(rows[place - first], per_m[place], jacobian[place])
+                add_times(rows[place - first], per_m[place], jacobian[place])
 
         for i in range(UNKNOWNS):
             a = rows[0, i]
@@ -350,7 +366,7 @@ def add_tilt(
             )
             gradient[tilt] += weight * off * by_tilt
             normal[tilt, tilt] += weight * by_tilt**2
-            _add(normal[tilt, :tilt], weight * by_tilt / sd_m, row)
+            add_times(normal[tilt, :tilt], weight * by_tilt / sd_m, row)
 
     for i in range(tilt):
         normal[i, tilt] = normal[tilt, i]
@@ -486,7 +502,7 @@ def solve(lower: Floats, values: Floats) -> None:
         values[i] = (values[i] - dot(lower[i, :i], values[:i])) / lower[i, i]
     for i in range(len(values) - 1, -1, -1):
         values[i] /= lower[i, i]
-        _add(values[:i], -values[i], lower[i, :i])
+        add_times(values[:i], -values[i], lower[i, :i])
 
 
 @compiled_part
@@ -514,6 +530,6 @@ def find_spread(
         row[number] = 1.0
         for i in range(number, -1, -1):
             row[i] /= lower[i, i]
-            _add(row[:i], -row[i], lower[i, :i])
+            add_times(row[:i], -row[i], lower[i, :i])
 
         row *= sd

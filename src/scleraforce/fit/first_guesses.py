@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scleraforce.base.arrays import Floats
+from scleraforce.base.arrays import Floats, Places
 from scleraforce.base.compiled_loops import compiled_in_place, compiled_part
 from scleraforce.fit import unknowns
 from scleraforce.fit.compiled_search import (
@@ -41,6 +41,7 @@ FARTHEST_M = 3e-3
 POINTS = 40  # of the outer boundary
 GRID_M = 50e-6
 MUCH_WORSE = 3.0  # times as far off as the best
+SURELY = 1.0 - 1e-9  # of a lower bound: the rest is rounding
 FAR_M = 0.3e-3  # a column that is farther off than this does not care how much
 PRESSURES = 24  # at which the states of a sealed globe are found
 HIGHER = 0.3  # a much higher pressure's logarithm is higher by this
@@ -48,18 +49,21 @@ LARGEST_N = 90e-3  # half as much again as the forces of a needle
 
 
 class Surface(NamedTuple):
-    """Some places of an outer boundary and their depth, m, the largest shift of a wall
-    laid on it, and workspace.
+    """Some places of an outer boundary and their depth, m, the shifts of a wall laid on
+    it, and workspace.
 
-    `grid_m` (grid,): depths of a wall at the places of a grid; `rest_m` (place,): what
-    is left of the depths.
+    `cells` (shift, place): the cell of a grid in which a place lies on a shifted wall.
+    `grid_m` (grid,): depths of a wall at the places of the grid; `rest_m` (place,):
+    what is left of the depths; `bounds` (shift,): how far off the wall is at least.
     """
 
     lateral_m: Floats
     depth_m: Floats
-    farthest_m: float
+    shift_m: Floats
+    cells: Places
     grid_m: Floats
     rest_m: Floats
+    bounds: Floats
 
 
 @compiled_part
@@ -81,8 +85,22 @@ def surface_of(lateral_m: Floats, depth_m: Floats, farthest_m: float) -> Surface
         int(np.ceil((max(-lateral_m[0], lateral_m[count - 1]) + farthest_m) / GRID_M))
         + 1
     )
+    shift_m = np.empty(int(np.ceil(2.0 * farthest_m / SHIFT_M + 0.5)))
+    cells = np.empty((len(shift_m), some.shape[1]), dtype=np.intp)
+    for shift in range(len(shift_m)):
+        shift_m[shift] = shift * SHIFT_M - farthest_m
+        for point in range(some.shape[1]):
+            along = (some[0, point] - shift_m[shift]) / GRID_M
+            cells[shift, point] = int(np.rint(along)) + reach
+
     return Surface(
-        some[0], some[1], farthest_m, np.empty(2 * reach + 1), np.empty(some.shape[1])
+        some[0],
+        some[1],
+        shift_m,
+        cells,
+        np.empty(2 * reach + 1),
+        np.empty(some.shape[1]),
+        np.empty(len(shift_m)),
     )
 
 
@@ -92,10 +110,11 @@ def _lay(
     surface: Surface,
     unknown: Floats,
     pose: Floats,
+    limit: float,
     work: SearchWorkspace,
 ) -> float:
     """Write the best lateral place and depth of a wall on a surface; return how far off
-    it then is.
+    it then is, infinity if that is beyond a limit.
 
     The wall is taken at the pose of other unknowns, `pose`, as one over the pole.
     """
@@ -133,30 +152,71 @@ def _lay(
 
         grid_m[place] = down[segment] + steep * (along - lateral[segment])
 
+    return _shift_best(surface, unknown, limit)
+
+
+@compiled_part
+def _shift_best(surface: Surface, unknown: Floats, limit: float) -> float:
+    """Write the best lateral place and depth of the wall on the surface's grid; return
+    how far off it then is, infinity if that is beyond a limit.
+
+    Shifts are tried in the order of their lower bounds, until no other can be better.
+    """
     best = np.inf
+    best_shift = len(surface.shift_m)
+    bounds = surface.bounds
     rest_m = surface.rest_m
-    count = len(surface.rest_m)
+    count = len(rest_m)
 
-    for number in range(int(np.ceil(2.0 * surface.farthest_m / SHIFT_M + 0.5))):
-        shift = number * SHIFT_M - surface.farthest_m
-        off = 0.0
-        for place in range(count):
-            cell = int(np.rint((surface.lateral_m[place] - shift) / GRID_M)) + reach
-            rest_m[place] = surface.depth_m[place] - grid_m[cell]
+    for shift in range(len(bounds)):
+        _find_rest(surface, shift)
+        bounds[shift] = _least_off(rest_m)
 
+    for _ in range(len(bounds)):
+        shift = int(np.argmin(bounds))
+        if bounds[shift] > min(best, limit):
+            break
+
+        bounds[shift] = np.inf
+        _find_rest(surface, shift)
         halves_m = np.partition(rest_m, count // 2)
         upper = halves_m[count // 2]
         middle = 0.5 * (upper + (upper if count % 2 else halves_m[: count // 2].max()))
+        off = 0.0
         for place in range(count):
-            if off < best:
-                off += min(np.abs(rest_m[place] - middle), FAR_M) / count
+            off += min(np.abs(rest_m[place] - middle), FAR_M) / count
 
-        if off < best:
+        if off < best or (off == best and shift < best_shift):
             best = off
-            unknown[unknowns.LATERAL] = shift
+            best_shift = shift
+            unknown[unknowns.LATERAL] = surface.shift_m[shift]
             unknown[unknowns.DEPTH] = middle
 
     return best
+
+
+@compiled_in_place
+def _find_rest(surface: Surface, shift: int) -> None:
+    """Write what a shifted wall leaves of the surface's depths."""
+    cells = surface.cells[shift]
+    depth_m = surface.depth_m
+    grid_m = surface.grid_m
+    rest_m = surface.rest_m
+    for place in range(len(rest_m)):
+        rest_m[place] = depth_m[place] - grid_m[cells[place]]
+
+
+@compiled_in_place
+def _least_off(rest_m: Floats) -> float:
+    """Return a lower bound of how far off a wall is at any depth.
+
+    Of two places, one is off by at least what the other is not of their difference.
+    """
+    half = len(rest_m) // 2
+    off = 0.0
+    for place in range(half):
+        off += min(np.abs(rest_m[place] - rest_m[place + half]), FAR_M)
+    return SURELY * off / len(rest_m)
 
 
 @compiled_part
@@ -197,7 +257,9 @@ def find_starts(
 
                 tried[unknowns.PRESSURE] = np.log(ratio * modulus)
 
-            off = _lay(problem, surface, tried, mean, work)
+            # one that lies much worse matters no more, however far off it is
+            limit = MUCH_WORSE * least.min()
+            off = _lay(problem, surface, tried, mean, limit, work)
             if off < least[dent + 1]:
                 least[dent + 1] = off
                 laid[dent] = tried
@@ -266,7 +328,7 @@ def bearing_start(
             best = off
             start[:] = states[state]
 
-    _lay(problem, surface, start, problem.belief.mean, work)
+    _lay(problem, surface, start, problem.belief.mean, np.inf, work)
 
 
 @compiled_part
@@ -285,7 +347,7 @@ def higher_start(
     states = np.empty((PRESSURES, UNKNOWNS))
     tried = fitted.copy()
     found = False
-    best = MUCH_WORSE * _lay(problem, surface, tried, fitted, work)
+    best = MUCH_WORSE * _lay(problem, surface, tried, fitted, np.inf, work)
 
     for state in range(_find_states(problem, states)):
         tried[:] = states[state]
@@ -294,7 +356,7 @@ def higher_start(
             tried[unknowns.PRESSURE] > fitted[unknowns.PRESSURE] + HIGHER
             and borne_n < LARGEST_N
         ):
-            off = _lay(problem, surface, tried, fitted, work)
+            off = _lay(problem, surface, tried, fitted, best, work)
             if off < best or (off == best and not found):
                 best = off
                 start[:] = tried

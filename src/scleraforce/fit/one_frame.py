@@ -262,7 +262,7 @@ def doubt_of(prior: Prior) -> UncertaintyDraws:
     )
 
     return UncertaintyDraws(
-        _standard_normal(count + 2),
+        _by_number(count + 2),
         _standard_normal(2, seed=1),
         terms,
         float(off.correlation),
@@ -308,6 +308,12 @@ def fit_of(library: Library, globe: Globe, fitted: FitArrays) -> BoundaryFit:
         ),
         loss=cost,
     )
+
+
+@lru_cache(maxsize=4)
+def _by_number(size: int) -> Floats:
+    """Return the points of `_standard_normal` number by number (size, draw)."""
+    return np.ascontiguousarray(_standard_normal(size).T)
 
 
 @lru_cache(maxsize=4)

@@ -210,7 +210,7 @@ def _find_wall(
 
     if axis[2] < 1.0:
         find_meridian(scene.tables, state[0], state[1], wall.meridian)
-        turn_about(scene.stations, scene.tables.angles, axis, wall.turned)
+        _turn_stations(scene, axis, count, wall.turned)
         _move(scene, wall.meridian, wall.turned, axis, count, wall.moved, wall.motion)
 
 
@@ -247,6 +247,25 @@ def _find_push(
     share = push_of(force_ratio, state[0], tables.poisson_ratio)
     pushed[0] = unknown[ALONG] * share
     pushed[1] = unknown[ACROSS] * share
+
+
+@compiled_in_place
+def _turn_stations(
+    scene: FitGeometry, axis: Vector, count: int, turned: Floats
+) -> None:
+    """Write where the stations about the first rings lie about an axis (boundary,
+    station, 5).
+    """
+    left = scene.left
+    nodes = left.shape[1] // 2
+    first = min(left[0, count - 1], left[1, count - 1])
+    after = max(left[0, nodes + count - 1], left[1, nodes + count - 1]) + 2
+    turn_about(
+        scene.stations[:, first:after],
+        scene.tables.angles,
+        axis,
+        turned[:, first:after],
+    )
 
 
 @compiled_in_place
@@ -317,13 +336,20 @@ def cut_wall(
             curve, motion[ring : ring + count, 1], gap_m, pushed[2], squares
         )
 
-        for node in range(count):
-            near = ring + max(node, first % count)
-            is_met = node >= first
-            across = sign * np.sqrt(max(squares[node], 0.0)) if is_met else 0.0
-            across = size * (across + motion[near, 0] + pushed[0])
-            deep = curve[node, 1] if is_met else middle
-            deep = longer * (deep + motion[near, 2])
+        for node in range(first, count):
+            across = sign * np.sqrt(max(squares[node], 0.0))
+            across = size * (across + motion[ring + node, 0] + pushed[0])
+            deep = longer * (curve[node, 1] + motion[ring + node, 2])
+            place = count + node if side else count - 1 - node
+            lateral[place] = c * across - s * deep + unknown[unknowns.LATERAL]
+            down[place] = s * across + c * deep + unknown[unknowns.DEPTH]
+
+        # rings that the plane misses: its lowest point, which moves with the next ring
+        near = ring + first % count
+        across = size * (0.0 + motion[near, 0] + pushed[0])
+        deep = longer * (middle + motion[near, 2])
+
+        for node in range(first):
             place = count + node if side else count - 1 - node
             lateral[place] = c * across - s * deep + unknown[unknowns.LATERAL]
             down[place] = s * across + c * deep + unknown[unknowns.DEPTH]
@@ -480,7 +506,7 @@ def derive(
 
         if moving in (ALONG, ACROSS):
             motion = other.motion
-            turn_about(scene.stations, tables.angles, _axis(varied), other.turned)
+            _turn_stations(scene, _axis(varied), count, other.turned)
             _move(
                 scene,
                 wall.meridian,
@@ -503,7 +529,9 @@ def derive(
             length = without_folds(other.lateral, other.down, 2 * count)
             _read_depths(scene, boundary, length, other, depth_m, slope)
 
-        jacobian[:, moving] = (depth_m - depths.even_m) / moved
+        for place in range(len(depth_m)):
+            jacobian[place, moving] = (depth_m[place] - depths.even_m[place]) / moved
+
         varied[moving] = unknown[moving]
 
     for place in range(len(depth_m)):
