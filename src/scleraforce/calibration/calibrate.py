@@ -9,7 +9,7 @@ Linear mechanics is the paper's, and so is its filter (`filtered_eye`).
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import exp
+from math import exp, sqrt
 
 import numpy as np
 
@@ -471,6 +471,7 @@ def _calibrate_eye(
         stiffening=library.stiffening,
         relaxation=relaxation,
         lean_rad=one_lean(recording.info.needle.lean_rad),
+        assumed_iop_pa=after.setup.eye.assumed_iop_pa,
         prior=declared(setup.eye.modulus, "modulus"),
         errors=started.fit.declared,
     ).with_appearance(None)
@@ -506,7 +507,7 @@ def check_library(setup: Setup, study: Study, library: Library) -> None:
 
 def _sought_sds(setup: Setup, settings: CalibrationSettings) -> dict[str, float]:
     """Return the standard deviations of what is uncertain beside E, by its name in
-    `SOUGHT`; that of the IOP is of its logarithm.
+    `SOUGHT`; that of the IOP is of its logarithm. One that is not stated is sought.
     """
     study = settings.study.calibration
     eye = setup.eye
@@ -516,7 +517,11 @@ def _sought_sds(setup: Setup, settings: CalibrationSettings) -> dict[str, float]
         "thickness": eye.thickness_sd_m or study.thickness_sd_m,
         "gap": study.gap_sd_m,
     }
-    return {name: sds[name] for name in settings.parameters if name in sds}
+    found = {name: sds[name] for name in settings.parameters if name in sds}
+    if eye.iop_assumed:
+        low, high = np.log(settings.study.reader.iop_pa.bounds)
+        found["iop"] = float(high - low) / sqrt(12.0)
+    return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -115,6 +115,7 @@ class EyeCalibration:
     shape of the dents (`calibration.stiffness_from_shape`). The filter's `state`, from
     which the eye's next recording continues, its `steps`, for figures, the `prior` of
     E, and the `errors` of what is declared, are missing if read from a file.
+    `assumed_iop_pa`: the pressure beside which E was found where none is stated.
     `whole_sd_pa`: standard deviation of E with those errors, which forces do not feel;
     None: they are not known.
     """
@@ -132,6 +133,7 @@ class EyeCalibration:
     stiffening: float = 0.0
     relaxation: Relaxation | None = None
     lean_rad: float | None = None
+    assumed_iop_pa: float | None = None
     without_force: bool = False
     appearance: Appearance | None = None
     state: EyeState | None = field(default=None, repr=False)
@@ -518,6 +520,7 @@ def _eye_entry(eye: EyeCalibration) -> dict[str, Any]:
         "stiffening": eye.stiffening,
         "relaxation": eye.relaxation and asdict(eye.relaxation),
         "lean_deg": from_si(eye.lean_rad, "deg"),
+        "assumed_iop_mmhg": from_si(eye.assumed_iop_pa, "mmhg"),
         "discrepancy": eye.discrepancy and vars(eye.discrepancy),
         "updates": eye.updates,
         "without_force": eye.without_force,
@@ -667,6 +670,7 @@ def _saved_eye(
         stiffening=declared(eye.stiffening, "stiffening"),
         relaxation=eye.relaxation,
         lean_rad=eye.calibrated_lean_rad,
+        assumed_iop_pa=eye.iop_pa,
         appearance=summary.appearance,
         whole_sd_pa=saved.sd_pa,
     )

@@ -106,6 +106,7 @@ def filter_eye(
         filter=session.filter,
         relaxation=relaxation,
         lean_rad=one_lean(recording.info.needle.lean_rad),
+        assumed_iop_pa=session.filter.model.setup.eye.assumed_iop_pa,
         prior=study.calibration.prior(),
     )
 

@@ -177,7 +177,17 @@ def start_eye(
     if unknowns.THICKNESS in fit.names:
         thickness_m, _ = fit.moments(unknowns.THICKNESS)
 
-    found = replace(setup.eye, modulus=modulus, globe=globe, thickness_m=thickness_m)
+    iop_pa = setup.eye.iop_pa
+    if setup.eye.iop_assumed and unknowns.IOP in fit.names:
+        iop_pa = exp(fit.moments(unknowns.IOP)[0])
+
+    found = replace(
+        setup.eye,
+        modulus=modulus,
+        globe=globe,
+        thickness_m=thickness_m,
+        iop_pa=iop_pa,
+    )
     alone = sum(one.loss for one in fits)
     if before is not None:
         alone = min(alone, before.alone)

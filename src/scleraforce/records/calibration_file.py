@@ -41,6 +41,7 @@ NAMED_EYES = 8  # in a sentence
 WRITER = "give a file of `scleraforce calibrate`"
 _MODULUS = allowed_bounds("youngs_modulus_mpa")
 _THICKNESS = allowed_bounds("thickness_um")
+_IOP = allowed_bounds("iop_mmhg")
 _LEAN = allowed_bounds("lean_deg")
 
 Record = TypeVar("Record")
@@ -106,6 +107,8 @@ def _read_eye(stated: Mapping[str, Any]) -> Eye:
         discrepancy=stated.get("discrepancy"),
         relaxation=stated.get("relaxation"),
         calibrated_lean_rad=stated.get("lean_deg"),
+        iop_pa=stated.get("assumed_iop_mmhg"),
+        iop_assumed=stated.get("assumed_iop_mmhg") is not None,
     )
 
 
@@ -126,6 +129,7 @@ _EYE_FORM = TableForm(
         "relaxation": (Relaxation | None, Unit()),
         "lean_deg": (float | None, _in_file(0.0, _LEAN.high, "deg")),
         "without_force": (bool, Unit()),
+        "assumed_iop_mmhg": (float | None, _in_file(0.0, _IOP.high, "mmhg")),
     },
     _read_eye,
     _no_writing,
@@ -318,6 +322,10 @@ def _as_calibrated(declared: Eye, own: Eye) -> Eye:
             globe = stated
 
     same_wall = own.thickness_m == declared.thickness_m
+    if declared.iop_pa is None and own.iop_assumed:
+        # its modulus was found at that pressure, and is wrong by as much as it is
+        declared = replace(declared, iop_pa=own.iop_pa, iop_assumed=True)
+
     return replace(
         declared,
         modulus=own.modulus,

@@ -217,6 +217,8 @@ class Eye:
         relaxation: how the tissue relaxes. None: it is read as elastic.
         discrepancy: of the eye's forces from the library's; belongs to a modulus of its
             own. None: none.
+        iop_assumed: `iop_pa` is not declared: it is what the calibration took, whose
+            modulus gives the right forces beside it alone.
         calibrated_lean_rad: of the needle that calibrated `modulus`, which then is of
             forces along the wall's normal. None: of forces along that needle.
         unlearned: the eye before a monitor learned its E: models read both. None: no
@@ -244,6 +246,7 @@ class Eye:
     modulus: Modulus | None = not_in_files()
     stiffening: float | None = not_in_files()
     discrepancy: ForceDiscrepancy | None = not_in_files()
+    iop_assumed: bool = not_in_files(False)
     calibrated_lean_rad: float | None = not_in_files()
     unlearned: "Eye | None" = not_in_files()
 
@@ -264,6 +267,16 @@ class Eye:
                     f"{sd}: the uncertainty of {value}, which is missing; give both, or"
                     " leave it out"
                 )
+
+    @property
+    def declared_iop_pa(self) -> float | None:
+        """Pressure at rest that was declared."""
+        return None if self.iop_assumed else self.iop_pa
+
+    @property
+    def assumed_iop_pa(self) -> float | None:
+        """Pressure at rest that was not declared, but taken or found."""
+        return self.iop_pa if self.iop_assumed else None
 
     @property
     def modulus_pa(self) -> float:
@@ -307,8 +320,8 @@ class Eye:
             self.name,
             thickness_m=self.thickness_m,
             thickness_sd_m=self.thickness_sd_m,
-            iop_pa=self.iop_pa,
-            iop_sd_pa=self.iop_sd_pa,
+            iop_pa=None if self.iop_assumed else self.iop_pa,
+            iop_sd_pa=None if self.iop_assumed else self.iop_sd_pa,
             radius_m=self.radius_m,
             radius_sd_m=self.radius_sd_m,
             globe=None if self.globe is None else self.globe.as_declared(),

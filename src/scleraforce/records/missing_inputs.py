@@ -68,7 +68,7 @@ def missing_inputs(
     """
     eye = setup.eye
     values = {
-        "iop_pa": eye.iop_pa,
+        "iop_pa": eye.declared_iop_pa,
         "globe": eye.globe,
         "gap_m": setup.scan.planes or setup.needle.gap_m,
         "thickness_m": eye.thickness_m,
