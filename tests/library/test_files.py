@@ -2,6 +2,7 @@
 refused.
 """
 
+import pickle
 from dataclasses import fields, replace
 from io import BytesIO
 from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile
@@ -283,3 +284,31 @@ def test_a_reduced_basis_that_does_not_fit_is_refused_in_one_line(
     save_library(library, path)
     edited(path, **changes)
     refused(path, said)
+
+
+def test_the_steps_of_checked_bytes_are_inflated_at_the_first_need(library, tmp_path):
+    path = tmp_path / "library.npz"
+    save_library(library, path)
+    late = load_library("library.npz", path.read_bytes())
+    again = pickle.loads(pickle.dumps(late))
+    for found in (late, again):
+        np.testing.assert_array_equal(
+            found.curves_tpdbnc(), load_library(path).curves_tpdbnc()
+        )
+
+
+def test_checked_bytes_with_damaged_steps_are_refused_where_these_are_needed(
+    tmp_path,
+):
+    path = tmp_path / "library.npz"
+    large = rough(analytic_library(thicknesses=5, ratios=6, tips=30, nodes=41))
+    save_library(large, path)
+    with ZipFile(path) as archive:
+        steps = [each for each in archive.infolist() if "curves_int" in each.filename]
+    entry = max(steps, key=lambda each: each.file_size)
+    content = bytearray(path.read_bytes())
+    content[entry.header_offset + entry.compress_size] ^= 0xFF  # near its end
+
+    damaged = load_library("library.npz", bytes(content))
+    with pytest.raises(InputError, match="its curves cannot be read"):
+        damaged.curves_tpdbnc()

@@ -11,6 +11,7 @@ Public:
         `MessageError`, `ModelError`, `ProtocolError`, `RecordingError`,
         `ScleraforceError`, `SolverError`, `StudyError`
     foreign_settings: `leave_unread`
+    kept_arrays: `kept_array`
     kept_results: `ENDING`, `check_folder`, `keep_result`, `kept_result`
     normal_distribution: `MOST_CORRELATED`, `NINETY_PERCENT`, `NORMAL_MEDIAN`,
         `correlation_of`, `is_beyond_chance`, `robust_spread`, `within_bounds`

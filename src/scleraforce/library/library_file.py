@@ -1,13 +1,15 @@
 """The library in one file, `library.npz`, as a model folder carries it (NumPy only).
 
 Its walls, and the factors of its forces, are stored in a reduced basis
-(`library.stiffened_walls`) and unpacked when they are read. Their largest errors were
+(`library.stiffened_walls`) and unpacked when they are needed. Their largest errors were
 measured when the file was written, and are stored in it. The steps of the basis change
 smoothly along the last axis of the rows (the tips, the polar angles): their second
 differences are stored, and all is deflated.
 """
 
 from dataclasses import dataclass, replace
+from functools import partial
+from hashlib import sha256
 from io import BytesIO
 from math import prod
 from os import PathLike
@@ -30,8 +32,10 @@ from scleraforce.base.errors import InputError
 from scleraforce.base.whole_files import KINDS, MIB, read_bytes
 from scleraforce.library.stiffened_walls import (
     STEP_TYPES,
+    LateSteps,
     ReducedCurves,
     ReducedRows,
+    Steps,
     StiffenedWalls,
     reduce_rows,
 )
@@ -59,6 +63,7 @@ WALLS = {
 # um
 UNDENTED = "undented_btpbnc"
 ENCRYPTED = 1  # a bit of a ZIP entry's flags
+HEAD_BYTES = 256  # of an array: its type and shape take 128
 FOR_THE_BASIS = 0.9  # of an error; the rest is for what float32 rounds
 
 
@@ -135,7 +140,8 @@ def save_library(library: Library, path: Path | IO[bytes]) -> StoredErrors:
 
 def load_library(path: str | PathLike[str], content: bytes | None = None) -> Library:
     """Read a library that `save_library` has written; `content`: its bytes, if they are
-    read (and checked) already.
+    read (and checked) already. Then the steps of its curves are inflated at the first
+    need.
 
     Raises:
         InputError: the file is missing, damaged, or not a library.
@@ -173,10 +179,19 @@ def load_library(path: str | PathLike[str], content: bytes | None = None) -> Lib
                 len(found[name]) for name in ("thickness_m", "tension", "tip_m")
             )
             rows, values = _stored(
-                archive, CURVES, (len(of_walls["stiffening"]), *shape)
+                archive, data, CURVES, (len(of_walls["stiffening"]), *shape)
             )
-            curves = ReducedCurves(rows, (len(of_walls["stiffening"]), *shape, *values))
-            rows, values = _stored(archive, STIFFNESS, shape[: STIFFNESS.row_axes])
+            curves = ReducedCurves(
+                rows,
+                (len(of_walls["stiffening"]), *shape, *values),
+                file_sha256=sha256(data).hexdigest(),
+            )
+            if content is None:
+                _ = rows.tables  # nobody has checked them
+
+            rows, values = _stored(
+                archive, data, STIFFNESS, shape[: STIFFNESS.row_axes]
+            )
             stiffness_tpad = (
                 rows.rows()
                 .astype(np.float32)
@@ -236,7 +251,7 @@ def _reduced(
     basis = reduced.basis_kv.reshape(-1, *values.shape[stored.row_axes :])
     differences = {
         f"{stored.name}_{kind}": part
-        for kind, part in zip(STEP_TYPES, reduced.differences, strict=True)
+        for kind, part in zip(STEP_TYPES, reduced.tables, strict=True)
     }
 
     return {
@@ -247,10 +262,11 @@ def _reduced(
 
 
 def _stored(
-    archive: ZipFile, stored: _ReducedArray, rows: tuple[int, ...]
+    archive: ZipFile, data: bytes, stored: _ReducedArray, rows: tuple[int, ...]
 ) -> tuple[ReducedRows, tuple[int, ...]]:
     """Read an array in a reduced basis with these lengths of its row axes; return its
-    rows and a row's shape.
+    rows, whose steps are read from the file's bytes at the first need, and a row's
+    shape.
     """
     error = _plain(archive, stored.error, 0)
     if not 0.0 <= error <= stored.largest_error:
@@ -259,23 +275,35 @@ def _stored(
         )
 
     basis = _read(archive, f"{stored.name}_basis", "float32", 1 + stored.value_axes)
-    differences = tuple(
-        _read(archive, f"{stored.name}_{kind}", kind, 3) for kind in STEP_TYPES
-    )
+    shapes = [_shape(archive, f"{stored.name}_{kind}", kind, 3) for kind in STEP_TYPES]
     wanted = (prod(rows[:-1]), rows[-1])
-    if {part.shape[1:] for part in differences} != {wanted} or sum(
-        map(len, differences)
-    ) != len(basis):
+    parts = sum(shape[0] for shape in shapes)
+    if {shape[1:] for shape in shapes} != {wanted} or parts != len(basis):
         raise ValueError(
-            f"{stored.name}: steps {[part.shape for part in differences]} for"
-            f" {prod(rows)} rows of {len(basis)}"
+            f"{stored.name}: steps {shapes} for {prod(rows)} rows of {len(basis)}"
         )
 
     _check_size(prod(rows) * prod(basis.shape[1:]))
+    steps = LateSteps(partial(_inflated, data, stored.name))
     return (
-        ReducedRows(basis.reshape(len(basis), prod(basis.shape[1:])), differences),
+        ReducedRows(basis.reshape(len(basis), prod(basis.shape[1:])), steps),
         basis.shape[1:],
     )
+
+
+def _inflated(data: bytes, name: str) -> tuple[Steps, ...]:
+    """Return the steps of an array in a reduced basis, from a library's bytes; raises
+    `InputError`.
+    """
+    try:
+        with ZipFile(BytesIO(data)) as archive:
+            return tuple(
+                _read(archive, f"{name}_{kind}", kind, 3) for kind in STEP_TYPES
+            )
+    except Exception as fault:  # as in `load_library`
+        raise InputError(
+            f"library: its {name} cannot be read ({fault}); train the model again"
+        ) from fault
 
 
 def _plain(archive: ZipFile, name: str, axes: int) -> Any:
@@ -286,19 +314,29 @@ def _plain(archive: ZipFile, name: str, axes: int) -> Any:
 
 def _read(archive: ZipFile, name: str, wanted: str, axes: int) -> NDArray[Any]:
     """Read an array of a type and a number of axes."""
-    data = archive.read(f"{name}.npy")
-    file = BytesIO(data)
-    read_header = {(1, 0): read_array_header_1_0, (2, 0): read_array_header_2_0}[
-        read_magic(file)
-    ]
-    shape, _, dtype = read_header(file)
+    _shape(archive, name, wanted, axes)
+    return read_array(BytesIO(archive.read(f"{name}.npy")), allow_pickle=False)
 
+
+def _shape(archive: ZipFile, name: str, wanted: str, axes: int) -> tuple[int, ...]:
+    """Return the shape of an array from the begin of its entry; check its type and its
+    number of axes.
+    """
+    entry = archive.getinfo(f"{name}.npy")
+    with archive.open(entry) as file:
+        head = BytesIO(file.read(HEAD_BYTES))
+
+    read_header = {(1, 0): read_array_header_1_0, (2, 0): read_array_header_2_0}[
+        read_magic(head)
+    ]
+    shape, _, dtype = read_header(head)
     size = prod(shape) * np.dtype(wanted).itemsize
+
     if (
         dtype != np.dtype(wanted)
         or len(shape) != axes
-        or size != len(data) - file.tell()
+        or size != entry.file_size - head.tell()
     ):
-        raise ValueError(f"{name}: {dtype} {shape} in {len(data)} bytes")
+        raise ValueError(f"{name}: {dtype} {shape} in {entry.file_size} bytes")
 
-    return read_array(BytesIO(data), allow_pickle=False)
+    return tuple(shape)

@@ -15,8 +15,9 @@ when no value is off by more than it may be. It sums up without BLAS: the result
 same for any number of threads.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache, cached_property, partial
 from math import prod
 
 import numpy as np
@@ -24,6 +25,8 @@ from numpy.typing import NDArray
 
 from scleraforce.base.arrays import Floats, Reals
 from scleraforce.base.errors import InputError
+from scleraforce.base.kept_arrays import kept_array
+from scleraforce.base.whole_files import hash_sources
 from scleraforce.library.library_plan import stiffening_place
 from scleraforce.library.response_splines import (
     SUPPORT,
@@ -46,6 +49,20 @@ BLOCK = 64  # rows that are worked on together: they stay in the cache
 
 
 @dataclass(frozen=True, eq=False)
+class LateSteps:
+    """Tables of steps that are read at the first need; a pickle has what `read`
+    holds, and what was read.
+    """
+
+    read: Callable[[], tuple[Steps, ...]]
+
+    @cached_property
+    def tables(self) -> tuple[Steps, ...]:
+        """The tables, in the order of `STEP_TYPES`."""
+        return self.read()
+
+
+@dataclass(frozen=True, eq=False)
 class ReducedRows:
     """Rows as sums of the rows of a basis.
 
@@ -57,12 +74,19 @@ class ReducedRows:
     """
 
     basis_kv: NDArray[np.float32]
-    differences: tuple[Steps, ...]
+    differences: tuple[Steps, ...] | LateSteps
+
+    @property
+    def tables(self) -> tuple[Steps, ...]:
+        """The differences, read."""
+        if isinstance(self.differences, LateSteps):
+            return self.differences.tables
+        return self.differences
 
     def steps(self) -> Floats:
         """Return the integers that multiply the parts (row, part)."""
-        count = prod(self.differences[0].shape[1:])
-        summed = [_summed(part).reshape(len(part), count) for part in self.differences]
+        count = prod(self.tables[0].shape[1:])
+        summed = [_summed(part).reshape(len(part), count) for part in self.tables]
         return np.ascontiguousarray(np.concatenate(summed, dtype=np.float64).T)
 
     def rows(self) -> Floats:
@@ -71,11 +95,9 @@ class ReducedRows:
 
     def share(self, number: int, shares: int) -> "ReducedRows":
         """Return one of equal shares of the rows."""
-        size = self.differences[0].shape[1] // shares
+        size = self.tables[0].shape[1] // shares
         own = slice(number * size, (number + 1) * size)
-        return replace(
-            self, differences=tuple(part[:, own] for part in self.differences)
-        )
+        return replace(self, differences=tuple(part[:, own] for part in self.tables))
 
 
 def _differences(steps_kr: Steps, along: int) -> Steps:
@@ -174,6 +196,12 @@ def _by_size(
 Splines = Sequence[CubicSpline]
 
 
+@cache
+def _source_sha256() -> str:
+    """Return the hash of the sources that decide the weights of a library's steps."""
+    return hash_sources("library/stiffened_walls.py", "library/response_splines.py")
+
+
 @dataclass(frozen=True, eq=False)
 class WholeCurves:
     """Curves as they were computed (b, t, p, d, boundary, node, 2), m."""
@@ -225,22 +253,19 @@ class ReducedCurves:
     boundary, node, 2).
 
     Splines over t, p and d are through the steps. Their weights for each b, cached, are
-    the sums' of different b, too.
+    the sums' of different b, too. `file_sha256`: of the file that the rows are from;
+    the user's cache keeps the weights of its steps. "": of no file.
     """
 
     rows: ReducedRows
     shape: tuple[int, ...]
+    file_sha256: str = ""
     _cached: dict[int, Curves] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
-        most = [
-            float(np.iinfo(part.dtype).max) * len(part)
-            for part in self.rows.differences
-        ]
-        if (
-            not np.abs(self.rows.basis_kv).max(initial=0.0) * max(most)
-            < np.finfo(np.float32).max
-        ):
+        basis_kv = self.rows.basis_kv
+        most = float(np.iinfo(STEP_TYPES[0]).max) * len(basis_kv)
+        if not np.abs(basis_kv).max(initial=0.0) * most < np.finfo(np.float32).max:
             raise InputError("library: values that are not finite")
 
     def mixed(self, weights_b: Floats) -> Curves:
@@ -264,13 +289,23 @@ class ReducedCurves:
     def _steps(self, b: int, splines: Splines) -> Curves:
         """Return the spline weights of the steps of one b (t p d, part)."""
         if b not in self._cached:
-            steps_rk = self.rows.share(b, self.shape[0]).steps()
-            weights = tensor_coefficients(
-                splines, steps_rk.reshape(*self.shape[1:4], -1)
-            )
-            self._cached[b] = weights.astype(np.float32).reshape(steps_rk.shape)
+            compute = partial(self._computed_steps, b, splines)
+            if self.file_sha256:
+                # reading takes a tenth of the time, and the file is not inflated
+                shape = (prod(self.shape[1:4]), len(self.rows.basis_kv))
+                nodes = [spline.nodes.tobytes() for spline in splines]
+                origin = (self.file_sha256, _source_sha256(), np.__version__)
+                self._cached[b] = kept_array((*origin, str(b), *nodes), shape, compute)
+            else:
+                self._cached[b] = compute()
 
         return self._cached[b]
+
+    def _computed_steps(self, b: int, splines: Splines) -> Curves:
+        """Compute the spline weights of the steps of one b (t p d, part)."""
+        steps_rk = self.rows.share(b, self.shape[0]).steps()
+        weights = tensor_coefficients(splines, steps_rk.reshape(*self.shape[1:4], -1))
+        return weights.astype(np.float32).reshape(steps_rk.shape)
 
     def within(self, nodes: int) -> "ReducedCurves":
         """Return the first nodes of the curves."""
