@@ -56,9 +56,16 @@ def compiled(loops: Loops) -> Loops:
         return _publicly_compiled(loops, folder)
 
     dispatcher: Any = _numba().njit(**OPTIONS)(loops)
+    # Before it loads machine code, Numba reads the metadata of all installed packages,
+    # for 15 ms, to find extensions of itself; these loops use none.
+    dispatcher._compilation_chain_init_hook = _find_no_extensions
     if folder is not None:
         dispatcher._cache = _code_file()(loops)
     return cast(Loops, dispatcher)
+
+
+def _find_no_extensions() -> None:
+    """Do nothing."""
 
 
 def compiled_part(loops: Loops, counts: bool = True) -> Loops:
@@ -186,9 +193,9 @@ def _code_file() -> Any:
     than the import of Numba, and parse each function's form for the linker, which only
     the compilation of a caller needs.
     """
-    event, caching, codegen, environment, runtime = (
+    event, caching, codegen, environment = (
         import_module(f"numba.core.{name}")
-        for name in ("event", "caching", "codegen", "environment", "runtime")
+        for name in ("event", "caching", "codegen", "environment")
     )
 
     def environment_of(module: str, constants: list[Any], name: str) -> Any:
@@ -242,6 +249,13 @@ def _code_file() -> Any:
 
     class Code(caching.CompileResultCacheImpl):  # type: ignore[misc, name-defined]
         _locator_classes = (Locator,)
+
+        def reduce(self, result: Any) -> Any:
+            """Return what the file holds; of the environments of called functions those
+            with constants alone: nothing looks at the others, 25 a function.
+            """
+            *parts, called = super().reduce(result)
+            return (*parts, tuple(each for each in called if each.consts))
 
     class IndexFile(caching.IndexDataCacheFile):  # type: ignore[misc, name-defined]
         """The files of a function, which are not unpickled unless they are the
@@ -304,7 +318,7 @@ def _code_file() -> Any:
                 _note_unkept(Path(self.cache_path), fault)
 
         def load_overload(self, signature: Any, target_context: Any) -> Any:
-            runtime.rtsys.initialize(target_context)
+            _link_runtime()
             target = target_context.codegen()
             # under the lock of Numba's compiler
             before = target._library_class
@@ -334,6 +348,20 @@ def _code_file() -> Any:
 
     event.register("numba:compile", Notice())
     return CodeFile
+
+
+@cache
+def _link_runtime() -> None:
+    """Tell LLVM where the functions of Numba's runtime are that loaded code calls.
+
+    Numba would also compile what only the compilation of loops needs, for 15 ms; it
+    does so when it compiles.
+    """
+    runtime = import_module("numba.core.runtime._nrt_python")
+    binding = import_module("llvmlite.binding")
+    for name, address in runtime.c_helpers.items():
+        # as in `numba.core.runtime.nrt`
+        binding.add_symbol(name if name.startswith("_") else f"NRT_{name}", address)
 
 
 @cache
@@ -381,11 +409,14 @@ def _source(module: str) -> tuple[bytes, tuple[str, ...]]:
     """Return a module's source, and what it imports that may decide machine code; b""
     if there is no such module.
     """
-    file = ROOT.joinpath(*module.split(".")).with_suffix(".py")
-    if not file.is_file():
+    # as text: a start asks for a hundred modules, and a `Path` of each took 5 ms
+    name = os.path.join(ROOT, *module.split(".")) + ".py"
+    try:
+        with open(name, "rb") as file:
+            content = file.read()
+    except (FileNotFoundError, NotADirectoryError):
         return b"", ()
 
-    content = file.read_bytes()
     imports = list[str]()
     for imported, names in IMPORT.findall(content.decode()):
         imports.append(imported)
