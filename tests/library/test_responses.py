@@ -15,6 +15,7 @@ from analytic_library import (
 
 from scleraforce.base.errors import InputError
 from scleraforce.library.sealed_eye import iop_ratio_at_dent
+from scleraforce.library.wall_responses import CONTACTS
 from scleraforce.records.globe import CONSTANT_PRESSURE, PressureLaw
 from scleraforce.records.study_of_eye import RIGIDITY_LAWS
 
@@ -224,3 +225,13 @@ def test_an_eye_answers_with_the_force_of_a_dent_and_the_dent_of_a_force(
 def test_an_eye_outside_the_library_is_refused(library, fault, said):
     with pytest.raises(InputError, match=said):
         library.eye(**WALL | fault)
+
+
+def test_the_tables_of_a_contact_are_made_once():
+    library = analytic_library(thicknesses=4, ratios=4, tips=5)
+    beside = library.for_contact(0.3)
+    assert library.for_contact(0.3) is beside
+    assert library.for_contact(0.2).contact_polar_rad == 0.2
+    for number in range(2 * CONTACTS):
+        library.for_contact(0.01 * number)
+    assert library.for_contact(0.3) is not beside

@@ -116,6 +116,7 @@ Walls = tuple[Places, Floats]
 OUTER = 0
 INNER = 1
 OTHERS = 10  # libraries of other stiffenings that one keeps: each has some 20 MB
+CONTACTS = 10  # libraries of other contacts that one keeps: each has some 0.5 MB
 
 
 @dataclass(frozen=True)
@@ -174,6 +175,9 @@ class Library:
     # of the walls, for its stiffening
     _mix_b: Floats = field(init=False, repr=False, compare=False)
     _others: "OrderedDict[float, Library]" = field(
+        default_factory=OrderedDict, init=False, repr=False, compare=False
+    )
+    _contacts: "OrderedDict[float, Library]" = field(
         default_factory=OrderedDict, init=False, repr=False, compare=False
     )
 
@@ -350,11 +354,18 @@ class Library:
 
     def for_contact(self, polar_rad: float) -> "Library":
         """Return the library of needles at a polar angle; it shares the arrays that do
-        not depend on it.
+        not depend on it, and the last few are cached.
         """
-        return replace(
-            self, contact_polar_rad=polar_rad, same_walls=self._same_walls or self
-        )
+        library = self._contacts.get(polar_rad)
+        if library is None:
+            library = replace(
+                self, contact_polar_rad=polar_rad, same_walls=self._same_walls or self
+            )
+            self._contacts[polar_rad] = library
+            if len(self._contacts) > CONTACTS:
+                self._contacts.popitem(last=False)
+
+        return library
 
     def for_stiffening(self, stiffening: float) -> "Library":
         """Return the library of tissue that stiffens by b, at the same contact; the
