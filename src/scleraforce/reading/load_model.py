@@ -236,20 +236,13 @@ def _of_kind(model: Reader, wanted: type[Kind]) -> Kind:
 
 
 def _library(folder: model_folder.ModelFolder) -> Library:
-    """Read the library and prepare the arrays that its first evaluation would otherwise
-    wait for.
+    """Read the library of a folder; its first evaluation prepares the arrays of the
+    tissue that is asked for.
     """
     try:
-        library = load_library(
+        return load_library(
             folder.path / model_folder.LIBRARY_FILE,
             folder.files[model_folder.LIBRARY_FILE],
         )
     except InputError as fault:
         raise ModelError(str(fault)) from fault
-
-    thickness_m = library.thickness_m[:1]
-    library.at_tip(
-        thickness_m, library.iop_ratio_ends(thickness_m)[0], library.tip_m[:1]
-    )
-
-    return library

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 import scleraforce.records.calibration_file as calibration_file
 from scleraforce.base.errors import FrameError, InputError, StudyError
 from scleraforce.base.units import from_si
-from scleraforce.calibration.evaluation import Evaluation, evaluate_recordings
 from scleraforce.front.api.opened_frames import (
     Located,
     as_counts,
@@ -81,6 +80,7 @@ from scleraforce.wall.wall_network import WallFinder
 
 if TYPE_CHECKING:
     from scleraforce.calibration.calibration import Calibration
+    from scleraforce.calibration.evaluation import Evaluation
 
     GivenCalibration = Calibration | CalibrationSummary | str | PathLike[str]
 
@@ -421,7 +421,7 @@ def evaluate(
     calibration: "Calibration | str | PathLike[str] | None" = None,
     *,
     progress: Progress | None = None,
-) -> Evaluation:
+) -> "Evaluation":
     """Read every frame of recordings and compare with their force logs.
 
     Args:
@@ -444,6 +444,9 @@ def evaluate(
     >>> [frame.answer.predicted for frame in evaluation.frames]
     [1, 2, 2]
     """
+    # 12 ms: not to read single frames
+    from scleraforce.calibration.evaluation import evaluate_recordings
+
     reader = opened_reader(model)
     each = opened_recordings(recordings)
     summary = None if calibration is None else summary_of_calibration(calibration)
