@@ -75,9 +75,12 @@ def train_classifier(
     youngs_modulus_pa: float | None = None,
     workers: int | None = None,
     device: str = "auto",
+    threads: int = classifier_training.CLASSIFIER_THREADS,
 ) -> Record:
     """Train the classifier on a data set and write its model folder; return what
     `model.json` keeps of it.
+
+    `threads` are of each training; another number sums in another order.
     """
     check_place(out)
     device = chosen_device(device)
@@ -93,12 +96,12 @@ def train_classifier(
 
     if search:
         candidates, sizes, fitted = classifier_training.search_sizes(
-            study.network, *samples, classes, progress, workers, device
+            study.network, *samples, classes, progress, workers, device, threads
         )
         study = replace(study, network=sizes)
     else:
         fitted = classifier_training.fit_classifier(
-            study.network, *samples, classes, progress, device
+            study.network, *samples, classes, progress, device, threads
         )
 
     stored = classifier_training.with_half_weights(fitted)
@@ -107,7 +110,6 @@ def train_classifier(
         "class_bounds_mn": _bounds_mn(study),
         "youngs_modulus_mpa": f"{from_si(modulus_pa, 'mpa'):.6g}",
     }
-    threads = classifier_training.CLASSIFIER_THREADS
     provenance = _provenance(
         "classifier", study, study.network.seed, device, of_data, threads
     )
