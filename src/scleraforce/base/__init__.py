@@ -26,5 +26,5 @@ Public:
         `folder_when_whole`, `hash_sources`, `opened_regular`, `read_bytes`,
         `read_text`, `renamed_when_whole`, `write_whole`, `write_whole_folder`
     worker_processes: `ClusterWorkers`, `available_cores`, `cluster_workers`,
-        `one_thread`, `work_in_order`, `work_units`
+        `finished_result`, `one_thread`, `work_beside`, `work_in_order`, `work_units`
 """

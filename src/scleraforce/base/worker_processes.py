@@ -118,6 +118,9 @@ def _connected(scheduler: str) -> Any:
 # A process is started by `python -c`, which would take a `signal.py` of the current
 # folder for the standard library's.
 OWN_MODULES = {"PYTHONSAFEPATH": "1"}
+# The tracker removes the semaphores of workers with workers of their own, which end
+# without doing so, and would say so.
+QUIET_TRACKER = {"PYTHONWARNINGS": "ignore:resource_tracker:UserWarning"}
 THREAD_SETTINGS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 # submitted units for each worker of a cluster: neither it nor the scheduler holds all
 # of a large run
@@ -196,6 +199,25 @@ def work_in_order(
             result = _result(waiting.popleft())
             waiting.extend(submit(unit) for unit in islice(coming, 1))
             yield result
+
+
+@contextmanager
+def work_beside(
+    prepare: Callable[[], Callable[[int], Result]],
+) -> Iterator[Callable[[int], "Future[Result]"]]:
+    """Give a function that submits a unit to one process, which starts with the first,
+    does one after the other, and ends with the block.
+
+    `finished_result` gives the result.
+    """
+    with _submitting(prepare, 1) as submit:
+        yield submit
+
+
+def finished_result(future: "Future[Result]") -> Result:
+    """Return the result of a unit of `work_beside`, once: its file is removed."""
+    result: Result = _result(future)
+    return result
 
 
 def next_unit(runs: Sequence[deque[int]], number: int) -> int | None:
@@ -363,7 +385,7 @@ def no_interrupts() -> Iterator[None]:
         yield
         return
 
-    with _environment(OWN_MODULES):
+    with _environment(OWN_MODULES | QUIET_TRACKER):
         # starting it later would unblock the signal again
         resource_tracker.ensure_running()
 

@@ -2,6 +2,7 @@
 readings, sections; the demo.
 """
 
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -315,3 +316,58 @@ def test_a_folder_that_is_there_stays(tmp_path: Path, shell) -> None:
     (tmp_path / "mine").write_text("mine")
     assert f"{tmp_path}: exists already" in shell.refused("demo --out", tmp_path)
     assert (tmp_path / "mine").read_text() == "mine"
+
+
+BESIDE_STEPS = 3
+
+
+def beside(run: Run, progress: Progress) -> None:
+    """A stage for a second process: it writes its process and its workers."""
+    for _ in range(BESIDE_STEPS):
+        progress(1)
+    (run.folder / "beside").write_text(f"{os.getpid()} {run.workers}")
+
+
+def failing_beside(_: Run, __: Progress) -> None:
+    raise SolverError("no equilibrium")
+
+
+def beside_stage(work: Callable[[Run, Progress], None], after: str = "") -> Stage:
+    return Stage(
+        "beside",
+        lambda _: BESIDE_STEPS,
+        work,
+        lambda run: run.folder / "beside",
+        beside=True,
+        after=after,
+    )
+
+
+@pytest.mark.parametrize("workers", [1, 2, 5])
+@pytest.mark.parametrize("after", ["", "a"])
+def test_a_stage_beside_others_is_done_in_a_second_process_of_half_the_workers(
+    tmp_path: Path, workers: int, after: str
+) -> None:
+    lines = list[str]()
+    stages = (stage("a"), stage("b"), beside_stage(beside, after))
+    run = open_run(tmp_path, Study(), workers)
+    seconds = run_stages(run, stages, announce, note=lines.append)
+    process, of_it = (tmp_path / "beside").read_text().split()
+    assert (int(process) == os.getpid()) == (workers == 1)
+    assert int(of_it) == max(1, workers // 2)
+    assert list(seconds) == ["a", "b", "beside"]
+    assert BARS[-1] == ("3/3 beside", BESIDE_STEPS, BESIDE_STEPS)
+    assert [line.split(":")[0] for line in lines] == [title for title, *_ in BARS]
+    again = run_stages(run, stages, announce)
+    assert again == seconds
+    assert DONE == ["a", "b"]
+
+
+def test_a_fault_of_a_stage_beside_others_is_raised_and_the_others_are_kept(
+    tmp_path: Path,
+) -> None:
+    run = open_run(tmp_path, Study(), 2)
+    with pytest.raises(SolverError, match="no equilibrium"):
+        run_stages(run, (stage("a"), beside_stage(failing_beside)), announce)
+    run_stages(run, (stage("a"), beside_stage(beside)), announce)
+    assert DONE == ["a"]

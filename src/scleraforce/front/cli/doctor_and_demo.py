@@ -3,10 +3,9 @@
 import platform
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,7 +29,6 @@ from scleraforce.records.study import PRESETS, Study, preset_toml, refuse_unused
 
 if TYPE_CHECKING:
     from scleraforce.calibration.evaluation import Evaluation
-    from scleraforce.front.paper.run_folder import Progress
 
 REMEDY = " " * 25 + "-> "
 BIBTEX = f"""\
@@ -219,7 +217,8 @@ def reproduce(
     of another study is refused. Runs with and without --train can share a
     folder.
 
-    On a terminal each stage has a progress bar; in a pipe, one line on standard
+    With two processes or more, some stages are done at the same time. On a
+    terminal each stage has a progress bar; in a pipe, one line on standard
     error when it is done, with its time.
 
     By default the study is the paper's, with framing ranges of the virtual
@@ -244,12 +243,21 @@ def reproduce(
     bundled = f"the bundled reader, {model_name(run.reader)!r} (--train trains one)"
     reader = "a reader that this run trains" if train else bundled
     say(f"reads walls of finite strain with {reader}", err=True)
-    found = run_stages(run, _stage, datetime.now(UTC), lambda line: say(line, err=True))
+    tell = partial(say, err=True)
+    start = time.perf_counter()
+    found = run_stages(
+        run,
+        count_bar,
+        datetime.now(UTC),
+        tell,
+        # a terminal has shown bars
+        note=(lambda _: None) if sys.stderr.isatty() else tell,
+    )
+    seconds = time.perf_counter() - start
     evaluation = found.evaluation
     others = found.to_the_bounds
     bent = found.bent_reader
     mean_pa, spread_pa = found.calibration.population
-    seconds = sum(found.seconds.values())
     result = {
         "report": str(run.report),
         **_metrics(
@@ -318,12 +326,3 @@ TRUE = ("true_mae_mn", "true_coverage", "true_coverage_by_eye")
 def _metrics(evaluation: "Evaluation", *keys: str) -> dict[str, Any]:
     answer = evaluation.to_dict()
     return {key: answer[key] for key in keys}
-
-
-@contextmanager
-def _stage(title: str, length: int) -> "Iterator[Progress]":
-    start = time.perf_counter()
-    with count_bar(title, length) as advance:
-        yield advance
-    if not sys.stderr.isatty():
-        say(f"{title}: {time.perf_counter() - start:.1f} s", err=True)

@@ -401,7 +401,10 @@ def _parts(
     yield {"deviations": PageTable(["", "the paper", "here", "why"], deviations)}
     taken = [
         [name, f"{value:.1f}"]
-        for name, value in [*seconds.items(), ("together", sum(seconds.values()))]
+        for name, value in [
+            *seconds.items(),
+            ("one after the other", sum(seconds.values())),
+        ]
     ]
     yield {
         "times": PageTable(["stage", "seconds"], taken),

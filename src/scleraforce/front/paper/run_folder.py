@@ -10,17 +10,20 @@ the paper's method and by the force reader.
 
 import json
 import shutil
+import tempfile
 import time
-from collections.abc import Callable, Iterable, Mapping
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, wait
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, fields, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 from scleraforce.base.errors import InputError, StudyError
 from scleraforce.base.version import __version__
 from scleraforce.base.whole_files import KINDS, hash_sources, read_text, write_whole
+from scleraforce.base.worker_processes import finished_result, work_beside
 from scleraforce.lab.virtual_eye import paper_eyes
 from scleraforce.library import Library
 from scleraforce.library.library_store import cached_library
@@ -95,6 +98,10 @@ class Run:
         self.report = folder / "report.html"
         self.overview = folder / "overview.png"  # the result in one picture
 
+    def with_workers(self, workers: int) -> "Run":
+        """Return the run with another number of processes."""
+        return Run(self.folder, self.study, workers, self.train)
+
 
 @dataclass(frozen=True)
 class Stage:
@@ -103,7 +110,9 @@ class Stage:
 
     `leaves` is the result that a later run reuses; None: it is always done again. A
     stage that `resumes` continues its own unfinished result. The result of one
-    `by_reader` depends on the force reader or its library.
+    `by_reader` depends on the force reader or its library. A stage `beside` others may
+    be done in a second process, once the stage `after` is finished ("": at once) and
+    those beside before it; its function is one of a module.
     """
 
     name: str
@@ -112,6 +121,8 @@ class Stage:
     leaves: Callable[[Run], Path] | None = None
     resumes: bool = False
     by_reader: bool = False
+    beside: bool = False
+    after: str = ""
 
 
 def open_run(folder: Path, study: Study, workers: int, *, train: bool = False) -> Run:
@@ -146,13 +157,15 @@ def run_stages(
     stages: tuple[Stage, ...],
     announce: Announce,
     tell: Callable[[str], object] = lambda _: None,
+    note: Callable[[str], object] = lambda _: None,
 ) -> dict[str, float]:
     """Do the unfinished stages in order, or all of them if other code made the results
     in the folder.
 
+    With two `workers` or more, half of them do the stages `beside` at the same time.
     `announce` opens a progress bar; `tell` is called with a line for the user if
-    results of other code are removed. It returns the seconds of each stage, for a
-    finished stage from the run that did it.
+    results of other code are removed, `note` with one for each stage that is done. It
+    returns the seconds of each stage, for a finished stage from the run that did it.
     """
     made_from = _read_state(run.folder)["made_from"]
     if made_from.get("sources") != _sources():
@@ -174,22 +187,148 @@ def run_stages(
         )
 
     seconds = seconds_so_far(run)
-    for number, stage in enumerate(stages, start=1):
-        if stage.name in seconds and stage.leaves and stage.leaves(run).exists():
-            continue
-        if stage.leaves and not stage.resumes:
-            _remove(stage.leaves(run))
+    unfinished = [
+        stage
+        for stage in stages
+        if not (stage.name in seconds and stage.leaves and stage.leaves(run).exists())
+    ]
+    beside = [stage for stage in unfinished if stage.beside and run.workers > 1]
+    half = run.workers // 2 if beside else 0
+    here = run.with_workers(run.workers - half)
 
-        start = time.perf_counter()
-        with announce(
-            f"{number}/{len(stages)} {stage.name}", stage.length(run)
-        ) as progress:
-            stage.work(run, progress)
-
-        seconds[stage.name] = round(time.perf_counter() - start, 2)
+    def keep(taken_s: Mapping[str, float]) -> None:
+        seconds.update((name, round(value, 2)) for name, value in taken_s.items())
         _write_state(run, seconds)
 
+    with second_process(run.with_workers(half), beside) as second:
+        try:
+            for number, stage in enumerate(stages, start=1):
+                if stage not in unfinished:
+                    continue
+
+                second.begin(seconds)
+                title = f"{number}/{len(stages)} {stage.name}"
+                with announce(title, stage.length(run)) as progress:
+                    if stage in beside:
+                        second.wait_for(stage, progress)
+                    else:
+                        keep({stage.name: _do(here, stage, progress)})
+
+                keep(second.finished_s())
+                note(f"{title}: {seconds[stage.name]:.1f} s")
+        except KeyboardInterrupt:
+            keep(second.finished_s())
+            raise
+
     return {stage.name: seconds[stage.name] for stage in stages}
+
+
+def _do(run: Run, stage: Stage, progress: Progress) -> float:
+    """Do a stage; return the seconds that it took."""
+    _clear(run, stage)
+    start = time.perf_counter()
+    stage.work(run, progress)
+    return time.perf_counter() - start
+
+
+def _clear(run: Run, stage: Stage) -> None:
+    """Remove an unfinished result, unless the stage `resumes` it."""
+    if stage.leaves and not stage.resumes:
+        _remove(stage.leaves(run))
+
+
+POLL_S = 0.2  # between two looks at the progress of the second process
+
+
+class SecondProcess:
+    """A process that does the stages `beside`, one after the other, while this one does
+    the rest.
+
+    Its progress is the size of a file for each stage: it grows by a byte a step.
+    """
+
+    def __init__(
+        self,
+        run: Run,
+        stages: Sequence[Stage],
+        submit: Callable[[int], "Future[float]"],
+        steps: Path,
+    ) -> None:
+        self._run = run
+        self._stages = stages
+        self._submit = submit
+        self._steps = steps
+        self._begun: dict[str, Future[float]] = {}
+        self._finished_s: dict[str, float] = {}
+
+    def begin(self, finished: Container[str]) -> None:
+        """Begin the stages in order, as far as they come `after` finished ones."""
+        for number, stage in enumerate(self._stages):
+            if stage.name in self._begun:
+                continue
+            if stage.after and stage.after not in finished:
+                return
+
+            _clear(self._run, stage)
+            self._begun[stage.name] = self._submit(number)
+
+    def wait_for(self, stage: Stage, progress: Progress) -> None:
+        """Wait until a stage is finished; raise what it raised."""
+        future = self._begun[stage.name]
+        steps = self._steps / str(self._stages.index(stage))
+        shown = 0
+        finished = False
+
+        while not finished:
+            finished = bool(wait([future], POLL_S).done)
+            count = steps.stat().st_size if steps.exists() else 0
+            progress(count - shown)
+            shown = count
+
+        if fault := future.exception():
+            raise fault
+
+    def finished_s(self) -> dict[str, float]:
+        """Return the seconds of the stages that have finished."""
+        for name, future in self._begun.items():
+            is_new = name not in self._finished_s and future.done()
+            if is_new and not future.exception():
+                self._finished_s[name] = finished_result(future)
+
+        return self._finished_s
+
+
+@contextmanager
+def second_process(run: Run, stages: Sequence[Stage]) -> Iterator[SecondProcess]:
+    """Give a process for stages, which ends with the block."""
+    # its own processes may write there until they end
+    with tempfile.TemporaryDirectory(
+        prefix="scleraforce-", ignore_cleanup_errors=True
+    ) as folder:
+        works = [stage.work for stage in stages]
+        # gives the function of a stage's number
+        prepare = partial(partial, _do_beside, run, works, Path(folder))
+        with work_beside(prepare) as submit:
+            yield SecondProcess(run, stages, submit, Path(folder))
+
+
+def _do_beside(
+    run: Run,
+    works: Sequence[Callable[[Run, Progress], object]],
+    steps: Path,
+    number: int,
+) -> float:
+    """Do a stage in the second process; return its seconds."""
+    # it ends at once where this block is left: only the first process can remove files
+    tempfile.tempdir = str(steps)
+    with (steps / str(number)).open("ab", buffering=0) as file:
+
+        def progress(count: int) -> None:
+            file.write(bytes(count))
+
+        start = time.perf_counter()
+        works[number](run, progress)
+        return time.perf_counter() - start
 
 
 def _forget(run: Run, stages: Iterable[Stage], seconds: Mapping[str, float]) -> None:

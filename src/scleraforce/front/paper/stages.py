@@ -46,6 +46,9 @@ from scleraforce.records.study import Study, study_hash
 
 # for the intervals of the run's reader, at most: 20 of each kind of globe
 INTERVAL_EYES = 60
+# of each network: two are trained at the same time, and two threads of one take nearly
+# as long as one
+TRAINING_THREADS = 1
 
 
 @dataclass(frozen=True)
@@ -67,9 +70,13 @@ def reproduce(
     announce: run_folder.Announce,
     started_at: datetime,
     tell: Callable[[str], object] = lambda _: None,
+    note: Callable[[str], object] = lambda _: None,
 ) -> Reproduction:
     """Do the unfinished stages of the pipeline, and write the page with the date
     `started_at`; see `run_stages`.
+
+    Walls of finite strain are bent and calibrated while linear ones are simulated, and
+    both networks are trained at the same time.
     """
     answers: list[Evaluation] = []
 
@@ -98,7 +105,10 @@ def reproduce(
     epochs = run.study.network.epochs
     study = run.study
     library = Stage(
-        "library", lambda _: plan_library(study).units, run_folder.run_library
+        "library",
+        lambda _: plan_library(study).units,
+        run_folder.run_library,
+        beside=True,
     )
     reader_steps = study.reader.epochs + _interval_eyes(study)
     reader = Stage(
@@ -133,6 +143,7 @@ def reproduce(
             lambda _: len(bent_trials(study)),
             _bend_eyes,
             lambda run: run.bent_recordings,
+            beside=True,
         ),
         *([library] if run.train else []),
         Stage(
@@ -141,13 +152,21 @@ def reproduce(
             _calibrate_bent,
             lambda run: run.bent_calibrations,
             by_reader=True,
+            beside=True,
         ),
-        Stage("train bent", lambda _: epochs, _train_bent, lambda run: run.bent_model),
+        Stage(
+            "train bent",
+            lambda _: epochs,
+            _train_bent,
+            lambda run: run.bent_model,
+            beside=True,
+            after="generate",
+        ),
         *([reader] if run.train else []),
         Stage("read bent", lambda _: bent_answers, evaluate_bent),
         Stage("report", lambda _: SECTIONS, report),
     )
-    seconds = run_folder.run_stages(run, stages, announce, tell)
+    seconds = run_folder.run_stages(run, stages, announce, tell, note)
     evaluation, to_the_bounds, bent_paper, bent_reader = answers
     calibration = parse_calibration(open_calibration(run.calibration))
 
@@ -235,7 +254,12 @@ def _generate(run: Run, progress: Progress) -> None:
 
 
 def _train(run: Run, progress: Progress) -> None:
-    train_classifier(open_dataset(run.dataset), run.model, progress=progress)
+    train_classifier(
+        open_dataset(run.dataset),
+        run.model,
+        progress=progress,
+        threads=TRAINING_THREADS,
+    )
 
 
 def _bend_eyes(run: Run, progress: Progress) -> None:
@@ -293,4 +317,5 @@ def _train_bent(run: Run, progress: Progress) -> None:
         run.bent_model,
         progress=progress,
         youngs_modulus_pa=modulus_pa,
+        threads=TRAINING_THREADS,
     )
