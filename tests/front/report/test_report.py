@@ -36,7 +36,8 @@ from scleraforce.base.errors import InputError
 from scleraforce.base.version import __version__
 from scleraforce.calibration.evaluation import Evaluation, FrameAnswer
 from scleraforce.front.report.described_paths import thing_at
-from scleraforce.front.report.figure_files import write_figure
+from scleraforce.front.report.figure_files import encode_figure, write_figure
+from scleraforce.front.report.figures_beside import figure_encoder
 from scleraforce.front.report.frame_figures import (
     MOST,
     WORST,
@@ -582,3 +583,17 @@ def test_a_readers_page_has_forces_intervals_and_the_moduli_of_the_eyes(
     assert "eye a: 0.27 MPa (calibrated), eye <b>: 0.25 MPa (mean of" in page.said
     assert "5.55 mN" in page.said  # (0.1 + 11) / 2
     assert "1 of 2 trials" in page.said
+
+
+def test_figures_of_a_page_are_encoded_beside_as_they_are_here() -> None:
+    line = Figure()
+    line.subplots().plot([0.0, 1.0])
+    picture = Figure()
+    picture.subplots().imshow(np.eye(3))
+    with figure_encoder() as encoder:
+        begun = encoder.begin([(line, 0.5), "words", picture])
+        found = encoder.finish(begun)
+
+    expected = [(encode_figure(line), 0.5), "words", encode_figure(picture)]
+    assert found == expected
+    assert [bool(one.png) for one in (found[0][0], found[2])] == [False, True]

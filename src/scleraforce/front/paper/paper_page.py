@@ -38,6 +38,7 @@ from scleraforce.front.paper.run_folder import (
 )
 from scleraforce.front.report import frame_figures, html_pages
 from scleraforce.front.report.figure_files import write_figure
+from scleraforce.front.report.figures_beside import figure_encoder
 from scleraforce.front.report.frame_figures import AnsweredFrame, answered_frames
 from scleraforce.front.report.html_pages import NOTHING, PageTable
 from scleraforce.front.report.model_figures import (
@@ -328,9 +329,12 @@ def write_reproduction_html(
     by paper and by reader.
     """
     values: dict[str, Any] = {"run": run, "seconds": seconds}
-    for part in _parts(run, evaluations, seconds):
-        values |= part
-        progress(1)
+    with figure_encoder() as encoder:
+        for part in _parts(run, evaluations, seconds):
+            values |= {name: encoder.begin(value) for name, value in part.items()}
+            progress(1)
+
+        values = {name: encoder.finish(value) for name, value in values.items()}
 
     html_pages.write_page(
         "front/paper/report.html", run.report, made_at, values, overwrite=True

@@ -7,6 +7,7 @@ Public:
     description: `Description`
     evaluation_page: `write_answers_page`
     figure_files: `check_figure_path`, `write_figure`
+    figures_beside: `figure_encoder`
     frame_figures: `AnsweredFrame`, `MOST`, `WORST`, `answered_frames`,
         `draw_computed_walls`, `draw_montage`, `draw_overview`, `draw_scanner`,
         `draw_segmentation`, `draw_sheet`, `draw_slice_pairs`, `sheet_frame`,

@@ -3,6 +3,7 @@
 import base64
 import warnings
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import wraps
 from importlib.resources import files
 from io import BytesIO
@@ -131,13 +132,31 @@ def data_uri(content: bytes, media: str) -> str:
     return f"data:{media};base64,{base64.b64encode(content).decode('ascii')}"
 
 
-def svg_uri(figure: Figure) -> str:
+@dataclass(frozen=True)
+class EncodedFigure:
+    """A figure as addresses of its files: an SVG, and a PNG ("" for line art)."""
+
+    svg: str
+    png: str
+
+
+def encode_figure(figure: Figure) -> EncodedFigure:
+    """Return a figure as addresses of its files."""
+    return EncodedFigure(svg_uri(figure), png_uri(figure))
+
+
+def svg_uri(figure: Figure | EncodedFigure) -> str:
     """Return a figure as the address of an SVG."""
+    if isinstance(figure, EncodedFigure):
+        return figure.svg
     return data_uri(_encoded(figure, "svg"), "image/svg+xml")
 
 
-def png_uri(figure: Figure) -> str:
+def png_uri(figure: Figure | EncodedFigure) -> str:
     """Return a figure that has images as the address of a PNG; '' for line art."""
+    if isinstance(figure, EncodedFigure):
+        return figure.png
+
     has_image = any(axes.images for axes in figure.axes)
     return data_uri(_encoded(figure, "png"), "image/png") if has_image else ""
 
