@@ -139,14 +139,40 @@ def assumed_inner_row(
     """Return the rows of an inner boundary that lies a thickness below the surface,
     along its normal, (column,); NaN without a surface.
     """
-    lateral_m, outer_m = surface_places(segmentation, scale)
-    stretch = stretch_of(lateral_m, outer_m)
-    known = np.isfinite(stretch)
-    if known.any():  # at the ends of the surface as beside them
-        stretch = np.interp(lateral_m, lateral_m[known], stretch[known])
+    reach = max(1, round(SLOPE_M / 2 / scale.lateral_m))
+    below_rows = thickness_m * scale.refractive_index / scale.depth_m
+    steepness = scale.depth_m / scale.lateral_m
+    return _rows_below(segmentation.outer_row, reach, steepness, below_rows)
 
-    below_m = thickness_m * scale.refractive_index * stretch
-    return np.asarray(segmentation.outer_row + below_m / scale.depth_m)
+
+@compiled
+def _rows_below(
+    outer_row: Floats, reach: int, steepness: float, below_rows: float
+) -> Floats:
+    """Return rows below a surface along its normal, (column,): by `below_rows` where it
+    is level.
+
+    Its slope is taken between the outermost columns that show it within `reach`;
+    `steepness`: the slope of one row in a column.
+    """
+    columns = len(outer_row)
+    inner_row = np.full(columns, np.nan)
+    for column in range(columns):
+        if np.isnan(outer_row[column]):
+            continue
+
+        left = max(column - reach, 0)
+        while np.isnan(outer_row[left]):
+            left += 1
+        right = min(column + reach, columns - 1)
+        while np.isnan(outer_row[right]):
+            right -= 1
+
+        rise = outer_row[right] - outer_row[left]
+        slope = rise / max(right - left, 1) * steepness
+        inner_row[column] = outer_row[column] + below_rows * np.sqrt(1.0 + slope**2)
+
+    return inner_row
 
 
 WAVE_M = 4e-3  # half the length of the wave that `dent_measures` lays on a surface
