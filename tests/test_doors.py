@@ -53,6 +53,7 @@ KEYS = (
 OF_ANSWERS = (
     "methods-disagree",
     "fit-unchecked",
+    "surface-alone",
     "plane-left-out",
     "no-history",
     "pierced",

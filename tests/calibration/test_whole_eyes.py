@@ -2,6 +2,7 @@
 recordings in ../shared.
 """
 
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,9 +12,14 @@ import pytest
 from analytic_frames import moving
 
 import scleraforce as sf
-from scleraforce.base.units import SI_PER_UNIT
+from scleraforce.base.units import SI_PER_UNIT, to_si
 from scleraforce.calibration.calibrate import calibrate_recordings
-from scleraforce.calibration.calibration import RIGIDITY, EyeCalibration
+from scleraforce.calibration.calibration import (
+    RIGIDITY,
+    Calibration,
+    EyeCalibration,
+    parse_calibration,
+)
 from scleraforce.calibration.filter.eye_parameters import stated_wall
 from scleraforce.calibration.start_of_an_eye import ForceFrame
 from scleraforce.calibration.stiffness_from_forces import eye_of_forces
@@ -28,8 +34,14 @@ from scleraforce.library.library_store import cached_library
 from scleraforce.library.sealed_eye import iop_ratio_at_dent, iop_ratio_under_force
 from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.recordings.recording_folder import Recording, read_recording
+from scleraforce.records.calibration_file import (
+    known_of_eye,
+    parse_calibration_file,
+    summary_of,
+)
 from scleraforce.records.eye import Eye
 from scleraforce.records.globe import OPEN, SEALED, UNKNOWN, Globe
+from scleraforce.records.missing_inputs import missing_inputs
 from scleraforce.records.needle import Needle
 from scleraforce.records.setup import Setup
 from scleraforce.records.study import LibraryStudy, Range, Study
@@ -55,6 +67,7 @@ STUDY = replace(
 DENTS_M = 1e-3 * np.linspace(1.0, 2.2, 13)
 SHARES = (0.35, 0.7, 1.0)  # of that force
 NOISE_M = 10e-6
+AS_FOUND = (5e-3, 30e-3), "finite-strain"
 
 
 @pytest.fixture(scope="module")
@@ -255,6 +268,40 @@ def test_a_sealed_eye_that_is_declared_open_diverges_and_a_doubt_names_its_rigid
         doubt.startswith("eye.globe is stated as open") and " k 0.03" in doubt
         for doubt in opened.recordings[-1].doubts
     )
+
+
+def test_a_pressure_that_no_recording_states_is_found_and_kept_with_the_modulus(
+    library, tmp_path
+):
+    eye = SealedEye(library)
+    recording = eye.recording(tmp_path / "shut", eye.plan(1.0))
+    stated = eye.calibrated(recording, SEALED)
+    unstated = replace(recording.info.eye, iop_pa=None)
+    found = eye.calibrated(
+        replace(recording, info=replace(recording.info, eye=unstated)), SEALED
+    )
+    true_pa = wall_of(eye.setup).iop_pa
+    assert abs(true_pa / to_si(2.0, "mmhg") - 1.0) > 0.1  # not the study's
+    assert stated.assumed_iop_pa is None
+    assert found.assumed_iop_pa == pytest.approx(true_pa, rel=0.15)
+    assert dict(zip(found.names, found.means, strict=True))["iop_pa"] == (
+        found.assumed_iop_pa
+    )
+    assert found.mean_pa == pytest.approx(stated.mean_pa, rel=0.06)
+
+    content = json.dumps(Calibration({"shut": found}, "", *AS_FOUND).to_dict()).encode()
+    file = parse_calibration_file(content, "c.json")
+    kept = parse_calibration(file).eyes["shut"]
+    assert kept.assumed_iop_pa == pytest.approx(found.assumed_iop_pa)
+    read = known_of_eye(Setup(eye=unstated), summary_of(file), "shut").eye
+    assert read.iop_pa == pytest.approx(found.assumed_iop_pa)
+    assert (read.iop_assumed, read.declared_iop_pa) == (True, None)
+    missing = missing_inputs(Setup(eye=read), forces=False)
+    assert ("iop_pa",) in [remark.fields for remark in missing]
+    # what is stated counts, and what was declared has no found value
+    mine = known_of_eye(Setup(eye=recording.info.eye), summary_of(file), "shut").eye
+    assert (mine.iop_pa, mine.iop_assumed) == (recording.info.eye.iop_pa, None)
+    assert read.declared() == unstated.declared()
 
 
 def test_a_declared_leak_gives_the_rigidity_that_an_undeclared_one_hides(

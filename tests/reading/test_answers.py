@@ -32,7 +32,7 @@ from scleraforce.fit.unknowns import GAP
 from scleraforce.lab.drawn_bscan import draw_shaft, render_bscan
 from scleraforce.lab.tissue_light import sample_optics
 from scleraforce.mechanics.contact_and_section import WallSection
-from scleraforce.reading import interval_widths
+from scleraforce.reading import frame_checks, interval_widths
 from scleraforce.reading.answer import Answer, Reading
 from scleraforce.reading.load_model import load_reader
 from scleraforce.reading.reading_models import SHIFTS, ForceReader
@@ -41,8 +41,9 @@ from scleraforce.records.scan import PixelScale
 from scleraforce.records.setup import Setup
 from scleraforce.records.study import Range
 from scleraforce.wall.find_wall import find_wall
+from scleraforce.wall.two_methods import surface_alone
 from scleraforce.wall.wall import Segmentation
-from scleraforce.wall.wall_in_metres import boundary_slice
+from scleraforce.wall.wall_in_metres import assumed_inner_row, boundary_slice
 from virtual_eyes import changed
 
 
@@ -128,6 +129,10 @@ def test_the_network_is_shown_shifted_slices_and_what_is_known():
     ((cuts, known),) = model.network.shown
     assert known == KNOWN
     seen = find_wall(frame, SCALE)
+    # the inner boundary of a slice lies at the stated thickness
+    inner_row = assumed_inner_row(seen, SCALE, THICKNESS_M)
+    assert np.nanmedian(np.abs(inner_row - seen.inner_row)) < 2.0
+    seen = replace(seen, inner_row=inner_row)
     np.testing.assert_array_equal(cuts[0], boundary_slice(seen, SCALE, STUDY.slice))
 
     for cut, shift in zip(cuts, SHIFTS, strict=True):
@@ -244,6 +249,54 @@ def test_a_wall_that_is_not_as_thick_as_stated_or_hardly_in_view_is_withdrawn_fr
         found = force_reader().read(frame, close, changed(KNOWN, modulus=modulus))
         assert withdrawn(found).endswith("mm are needed without a calibration")
         assert found.can_calibrate
+
+
+def without_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let every wall be found without its inner boundary."""
+
+    def found(*of_frame: object) -> Segmentation:
+        return surface_alone(find_wall(*of_frame), "nobody sees its end", SCALE)
+
+    monkeypatch.setattr(frame_checks, "find_wall", found)
+
+
+@pytest.mark.parametrize("force_n", [0.003, 0.015, 0.035])
+def test_a_surface_alone_is_read_with_the_stated_thickness(force_n, monkeypatch):
+    frame = frame_under(force_n)
+    both = answer(frame, KNOWN, reading(force_n, 0.0, 0.06))
+    without_end(monkeypatch)
+    found = answer(frame, KNOWN, reading(force_n, 0.0, 0.06))
+    assert (both.boundaries, found.boundaries) == ("both", "surface")
+    assert found.to_dict()["boundaries"] == "surface"
+    (remark,) = found.remarks
+    assert remark.code == "surface-alone"
+    assert str(remark).endswith("nobody sees its end")
+    assert found.force_n == pytest.approx(force_n, abs=1.2e-3)
+    assert found.interval_n[0] < force_n < found.interval_n[1]
+    assert not found.can_calibrate
+    # the mask that is shown ends at the stated thickness
+    rows = found.segmentation.inner_row - both.segmentation.inner_row
+    assert np.nanmedian(np.abs(rows)) < 6.0  # of 100
+
+
+def test_a_surface_alone_of_unknown_thickness_is_read_by_the_fit_alone(
+    monkeypatch, write_model, tmp_path
+):
+    frame = frame_under(0.015)
+    unknown = changed(KNOWN, thickness_m=None)
+    without_end(monkeypatch)
+    found = answer(frame, unknown, reading(0.015, 0.0, 0.06))
+    codes = {remark.code for remark in found.remarks}
+    assert codes == {"fit-unchecked", "surface-alone"}
+    known = answer(frame, KNOWN, reading(0.015, 0.0, 0.06))
+    assert np.ptp(found.interval_n) > np.ptp(known.interval_n)
+
+    in_loop = force_reader().read_live(frame, SCALE, unknown)
+    assert "its thickness is not stated" in withdrawn(in_loop)
+    assert force_reader().read_live(frame, SCALE, KNOWN).usable
+    write_model(tmp_path / "classifier", STUDY)
+    classifier = load_reader(tmp_path / "classifier")
+    assert "its thickness is not stated" in withdrawn(classifier.read(frame, SCALE))
 
 
 def test_narrow_frames_are_read_by_the_fit_alone_with_wider_intervals():

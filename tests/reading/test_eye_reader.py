@@ -184,15 +184,20 @@ def test_a_narrow_interval_or_a_dent_within_the_window_is_answered(pixels, readi
     assert live(pixels, reading).usable
 
 
-def test_a_refractive_index_makes_the_wall_thinner():
+@pytest.mark.parametrize(
+    ("known", "thinner"), [(None, 1.4), (KNOWN.eye.thickness_m, 1.0)]
+)
+def test_a_refractive_index_makes_a_wall_thinner_whose_thickness_is_not_known(
+    known: float | None, thinner: float
+):
     pixels = []
     for index in (None, 1.4):
         model = force_reader()
-        setup = changed(KNOWN, refractive_index=index)
+        setup = changed(KNOWN, refractive_index=index, thickness_m=known)
         reader = EyeReader(model, setup, by="network")
         read(reader, FRAME, scale=reader.scale_of(SCALE.lateral_m, SCALE.depth_m))
         pixels.append(np.count_nonzero(model.network.shown[-1][0]))
-    assert pixels[1] / pixels[0] == pytest.approx(1 / 1.4, rel=0.03)
+    assert pixels[1] / pixels[0] == pytest.approx(1 / thinner, rel=0.03)
 
 
 def test_a_classifier_answers_as_it_does_elsewhere(write_model, tmp_path):

@@ -12,6 +12,7 @@ from scleraforce.records.study import SliceStudy
 from scleraforce.wall.wall import Segmentation
 from scleraforce.wall.wall_in_metres import (
     Boundaries,
+    assumed_inner_row,
     boundary_slice,
     boundary_slices,
     observe_points,
@@ -91,6 +92,21 @@ def test_inner_boundary_is_unseen_where_the_frame_ends_or_the_wall_is_uneven():
 
 
 SLICE = SliceStudy()
+
+
+def test_an_assumed_inner_boundary_lies_a_thickness_below_the_surface_along_its_normal():
+    """Below a slope of 30 degrees, across a gap, and to both ends."""
+    columns = np.arange(200)
+    scale = PixelScale(lateral_m=30e-6, depth_m=8e-6, refractive_index=1.4)
+    outer_row = 40.0 + np.tan(np.pi / 6) * columns * scale.lateral_m / scale.depth_m
+    outer_row[80:90] = np.nan
+    inner_row = assumed_inner_row(
+        segmentation(outer_row, outer_row, 600), scale, 0.5e-3
+    )
+    normal_m = (inner_row - outer_row) * scale.depth_m / 1.4 * np.cos(np.pi / 6)
+    there = np.isfinite(outer_row)
+    np.testing.assert_allclose(normal_m[there], 0.5e-3, rtol=1e-9)
+    assert np.isnan(inner_row[~there]).all()
 
 
 def test_a_pixel_whose_middle_lies_on_the_surface_is_wall_and_one_on_the_inner_boundary_is_not():

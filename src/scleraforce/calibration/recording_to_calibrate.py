@@ -49,7 +49,7 @@ def setup_to_calibrate(recording: Recording, study: Study) -> Setup:
         eye=Eye(
             iop_pa=completed.eye.iop_pa,
             iop_sd_pa=info.eye.iop_sd_pa,
-            iop_assumed=info.eye.iop_pa is None,
+            iop_assumed=True if info.eye.iop_pa is None else None,
             thickness_m=completed.eye.thickness_m,
             thickness_sd_m=info.eye.thickness_sd_m,
             radius_m=info.eye.radius_m,

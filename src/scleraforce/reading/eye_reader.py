@@ -483,7 +483,7 @@ def _at_pressure(eye: Eye, iop_pa: float) -> Eye:
     before learning.
     """
     unlearned = eye.unlearned and _at_pressure(eye.unlearned, iop_pa)
-    return replace(eye, iop_pa=iop_pa, iop_assumed=False, unlearned=unlearned)
+    return replace(eye, iop_pa=iop_pa, iop_assumed=None, unlearned=unlearned)
 
 
 def _name_of(eye: Eye, calibration: CalibrationSummary) -> str:

@@ -108,7 +108,7 @@ def _read_eye(stated: Mapping[str, Any]) -> Eye:
         relaxation=stated.get("relaxation"),
         calibrated_lean_rad=stated.get("lean_deg"),
         iop_pa=stated.get("assumed_iop_mmhg"),
-        iop_assumed=stated.get("assumed_iop_mmhg") is not None,
+        iop_assumed=None if stated.get("assumed_iop_mmhg") is None else True,
     )
 
 

@@ -38,7 +38,13 @@ from scleraforce.records.tissue_relaxation import RELAXATION_FORM, Relaxation
 # growth is that from no force to this one; beyond it the discrepancy is constant
 REFERENCE_N = 60e-3
 # fields of an eye that a calibration estimates, and no recording states
-FOUND_BY_CALIBRATION = ("modulus", "stiffening", "discrepancy", "calibrated_lean_rad")
+FOUND_BY_CALIBRATION = (
+    "modulus",
+    "stiffening",
+    "discrepancy",
+    "calibrated_lean_rad",
+    "iop_assumed",
+)
 _LARGEST_LOG = 2.0  # of a force's logarithm, in a file
 
 
@@ -217,8 +223,8 @@ class Eye:
         relaxation: how the tissue relaxes. None: it is read as elastic.
         discrepancy: of the eye's forces from the library's; belongs to a modulus of its
             own. None: none.
-        iop_assumed: `iop_pa` is not declared: it is what the calibration took, whose
-            modulus gives the right forces beside it alone.
+        iop_assumed: True: `iop_pa` is not declared; a calibration took or found it,
+            whose modulus gives the right forces beside it alone.
         calibrated_lean_rad: of the needle that calibrated `modulus`, which then is of
             forces along the wall's normal. None: of forces along that needle.
         unlearned: the eye before a monitor learned its E: models read both. None: no
@@ -246,7 +252,7 @@ class Eye:
     modulus: Modulus | None = not_in_files()
     stiffening: float | None = not_in_files()
     discrepancy: ForceDiscrepancy | None = not_in_files()
-    iop_assumed: bool = not_in_files(False)
+    iop_assumed: bool | None = not_in_files()
     calibrated_lean_rad: float | None = not_in_files()
     unlearned: "Eye | None" = not_in_files()
 

@@ -8,9 +8,9 @@ Public:
     frame_light: `as_logarithmic`, `imaged_columns`
     needle_in_frame: `SeenNeedle`, `needle_entry`
     wall: `SeenWall`, `Segmentation`, `draw_overlay`, `without_wall`
-    wall_in_metres: `Boundaries`, `Observation`, `boundary_slice`, `boundary_slices`,
-        `check_mask_size`, `dent_measures`, `given_wall`, `observe_points`,
-        `segmented_boundaries`, `surface_places`
+    wall_in_metres: `Boundaries`, `Observation`, `assumed_inner_row`, `boundary_slice`,
+        `boundary_slices`, `check_mask_size`, `dent_measures`, `given_wall`,
+        `observe_points`, `segmented_boundaries`, `stretch_of`, `surface_places`
     wall_network: `BEYOND_SHARE`, `FINDER_FRAMES`, `FINDER_ROWS`, `FINDER_WALL`,
         `FrameWindow`, `WallFinder`, `reduced_columns`, `reduced_frame`, `rows_about`
 """

@@ -3,7 +3,6 @@ Ctrl-C; findings of `doctor`.
 """
 
 import os
-import re
 import shutil
 import signal
 import subprocess
@@ -24,7 +23,6 @@ import scleraforce as sf
 from scleraforce.base.errors import SolverError, StudyError
 from scleraforce.base.plain_json import finite_json
 from scleraforce.front.cli import installation_checks, main as entry
-from scleraforce.front.cli.doctor_and_demo import _stage
 from scleraforce.front.cli.installation_checks import Finding
 from scleraforce.front.cli.main import cli
 from scleraforce.mechanics.tissue_material import PronySeries
@@ -274,23 +272,6 @@ def test_a_failed_finding_ends_doctor_with_code_1(
     assert not result["ok"]
     assert result["findings"][-1] == vars(found[-1])
     assert {"scleraforce", "python", "system", "seconds"} <= result.keys()
-
-
-def test_a_stage_is_a_line_with_its_time_in_a_pipe_unless_it_is_interrupted(
-    capsys,
-) -> None:
-    with _stage("1/13 phantom", 3) as progress:
-        progress(2)
-        assert capsys.readouterr().err == ""
-        progress(1)
-
-    printed = capsys.readouterr()
-    assert re.fullmatch(r"1/13 phantom: \d+\.\d s\n", printed.err)
-    assert printed.out == ""
-    with pytest.raises(KeyboardInterrupt), _stage("1/13 phantom", 3):
-        raise KeyboardInterrupt
-
-    assert capsys.readouterr().err == ""
 
 
 ESCAPES = "\x1b]0;owned\x07\x9b2J\x7f\u202e.png"

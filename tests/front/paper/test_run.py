@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from poses import sample_pose
+from side_stages import BESIDE_STEPS, beside, failing_beside
 from small_recordings import evaluation_of, frame_answer
 
 from scleraforce.base.errors import InputError, SolverError, StudyError
@@ -316,20 +317,6 @@ def test_a_folder_that_is_there_stays(tmp_path: Path, shell) -> None:
     (tmp_path / "mine").write_text("mine")
     assert f"{tmp_path}: exists already" in shell.refused("demo --out", tmp_path)
     assert (tmp_path / "mine").read_text() == "mine"
-
-
-BESIDE_STEPS = 3
-
-
-def beside(run: Run, progress: Progress) -> None:
-    """A stage for a second process: it writes its process and its workers."""
-    for _ in range(BESIDE_STEPS):
-        progress(1)
-    (run.folder / "beside").write_text(f"{os.getpid()} {run.workers}")
-
-
-def failing_beside(_: Run, __: Progress) -> None:
-    raise SolverError("no equilibrium")
 
 
 def beside_stage(work: Callable[[Run, Progress], None], after: str = "") -> Stage:
