@@ -183,13 +183,17 @@ def main(
     now = behaviour()
     take_up(out, now)
     folder = FiguresFolder(out)
-    drawn: Drawn = {
+    eyes_of = {
         group: tuple(
             eye.held_still() if still else eye
             for eye in draw_eyes(group, counts[group], STUDY, seed)
         )
         for group in names
     }
+    for group, eyes in eyes_of.items():
+        if not eyes:
+            click.echo(f"{group}: no scans in ../shared/real-oct; left out", err=True)
+    drawn: Drawn = {group: eyes for group, eyes in eyes_of.items() if eyes}
     drawn = _computed(folder, drawn, workers)
     folder = declare(folder, _recordings(drawn))
     readers = {

@@ -4,6 +4,7 @@ them.
 
 from dataclasses import dataclass, replace
 from math import atan, cos
+from pathlib import Path
 
 from scleraforce.lab.virtual_eye import eye_name
 from scleraforce.records.setup import Setup
@@ -54,7 +55,8 @@ class FigureEye:
     `ComputedEye.largest_n`). `tell_globe`: its recording says whether the globe is open
     or sealed, though never how rigid it is. `lean`: of a needle that leans;
     `calibrated_at`: its lean in a recording of its own that calibrates the eye, None if
-    the eye's one recording does.
+    the eye's one recording does. `scan`: file of a real scan whose pixels the frames
+    have; None: they are drawn.
     """
 
     group: str
@@ -65,6 +67,7 @@ class FigureEye:
     tell_globe: bool = True
     lean: Lean | None = None
     calibrated_at: Lean | None = None
+    scan: Path | None = None
 
     @property
     def name(self) -> str:

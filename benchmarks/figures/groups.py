@@ -7,12 +7,14 @@ of the seeds. All eyes are drawn as plain ones first; a group then changes them.
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import cycle
 from math import asin, log10, pi, radians
 
 import numpy as np
 from numpy.random import Generator
 
 from figures.eyes import FigureEye, Lean
+from figures.scans import real_scans
 from scleraforce.base.units import to_si
 from scleraforce.records.eye import Eye, Modulus
 from scleraforce.records.needle import Needle
@@ -64,6 +66,7 @@ class Group:
         reader: name of the trained reader.
         leans: draws the needle's lean, and that in the recording that calibrates the
             eye.
+        of_scans: frames have the pixels of real scans, one scan an eye in turn.
     """
 
     own: Callable[[Setup, Study, Generator], Drawn]
@@ -72,6 +75,7 @@ class Group:
     tell_globe: bool = True
     reader: str = DEFAULT_READER
     leans: Callable[[Generator], tuple[Lean, Lean]] | None = None
+    of_scans: bool = False
 
 
 def _plain(setup: Setup, study: Study, _rng: Generator) -> Drawn:
@@ -427,6 +431,7 @@ GROUPS: Mapping[str, Group] = {
     },
     "dim": Group(own=_dim, accuracy_percent=95, error_mn=0.5),
     "linear": Group(own=_linear, accuracy_percent=97, error_mn=0.5),
+    "texture": Group(own=_plain, accuracy_percent=98, error_mn=0.5, of_scans=True),
 }
 
 
@@ -443,11 +448,18 @@ def draw_eyes(
             are the figures' own.
         seed: of the draw; use another seed than the published figures' for eyes that
             you look at.
+
+    Returns:
+        The eyes; none of real scans where these are absent.
     """
     mesh = MeshStudy(kind="graded", core=CORE, rings=RINGS)
     study = replace(study, mesh=mesh, mechanics=MechanicsStudy(kind="finite-strain"))
+    eyes = (_draw_eye(group, number, study, seed) for number in range(1, count + 1))
+    if not GROUPS[group].of_scans:
+        return tuple(eyes)
     return tuple(
-        _draw_eye(group, number, study, seed) for number in range(1, count + 1)
+        replace(eye, scan=scan)
+        for eye, scan in zip(eyes, cycle(real_scans()), strict=False)
     )
 
 

@@ -16,6 +16,7 @@ from figures.accuracy import ReadForces, read_forces
 from figures.eyes import FigureEye
 from figures.folder import FiguresFolder
 from figures.reuse import is_made, note_stale, remove, write_key
+from figures.scans import renderer_of
 from figures.sections import ROOM, compute_eye
 from scleraforce.base.errors import ScleraforceError
 from scleraforce.base.whole_files import renamed_when_whole, write_whole
@@ -31,6 +32,7 @@ from scleraforce.lab.virtual_recording import (
 from scleraforce.mechanics.contact_and_section import WallSection
 from scleraforce.recordings.recording_folder import read_info
 from scleraforce.records.decoder import format_record
+from scleraforce.records.fields import declared
 from scleraforce.records.needle import lean_ends
 from scleraforce.records.study import Study
 
@@ -143,8 +145,19 @@ def make_eye(folder: FiguresFolder, drawn: FigureEye) -> None:
     recording = folder.recording(drawn)
     recording.parent.mkdir(parents=True, exist_ok=True)
     remove(recording)
+    thickness_m = declared(drawn.setup.eye.thickness_m, "thickness_m")
+    render = (
+        None
+        if drawn.scan is None
+        else renderer_of(drawn.scan, thickness_m, drawn.study.oct)
+    )
     write_phantom(
-        recording, plan, sections_at, drawn.study, tell_globe=drawn.tell_globe
+        recording,
+        plan,
+        sections_at,
+        drawn.study,
+        tell_globe=drawn.tell_globe,
+        render=render,
     )
 
     if drawn.lean is not None:

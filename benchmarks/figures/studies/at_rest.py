@@ -7,13 +7,13 @@ a third a thickness. Usable readings above the lowest class are wrong.
 """
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import click
 import cv2
 import numpy as np
 
 from figures.printing import print_table, whole_number
+from figures.scans import REAL, real_scans
 from scleraforce.reading.answer import Answer
 from scleraforce.reading.load_model import load_reader
 from scleraforce.reading.reading_models import Reader
@@ -25,7 +25,6 @@ from scleraforce.records.scan import PixelScale
 from scleraforce.records.setup import Setup
 from scleraforce.records.study import draw
 
-REAL = Path(__file__).resolve().parents[4] / "shared" / "real-oct"
 WIDTH_M = (6e-3, 20e-3)
 DEPTH_RATIO = (0.3, 1.0)
 INDICES = (1.0, 1.385)
@@ -55,8 +54,7 @@ def read_at_random(reader: Reader, frame: Pixels, rng: np.random.Generator) -> A
 
 def model_rows(readings: int, seed: int) -> Iterator[list[object]]:
     """Yield each bundled reader's readings: all, usable, and wrong."""
-    scans = sorted((REAL / "anterior-segment").glob("*.jp*g"))
-    scans += sorted((REAL / "dicom").glob("*.dcm"))
+    scans = [*real_scans(), *sorted((REAL / "dicom").glob("*.dcm"))]
     frames = [read_frame(scan) for scan in scans]
 
     for path in (SHIPPED_READER, SHIPPED_LIVING):
