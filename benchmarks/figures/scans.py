@@ -18,6 +18,7 @@ from scleraforce.records.model_folder import SHIPPED_WALL_FINDER
 from scleraforce.records.scan import PixelScale
 from scleraforce.records.study import OctStudy
 from scleraforce.wall.find_wall import find_wall
+from scleraforce.wall.wall import Segmentation
 
 REAL = Path(__file__).resolve().parents[3] / "shared" / "real-oct"
 # Their scale is not recorded. Square pixels of such a size make the walls whose end is
@@ -39,17 +40,19 @@ def texture_of(scan: Path, thickness_m: float, refractive_index: float) -> ScanT
     """
     pixels = read_frame(scan)
     finder = load_wall_finder(SHIPPED_WALL_FINDER)
-    pixel_m = PIXEL_M
-    for _ in range(2):  # the second time at the size that the thickness asks for
+
+    def found_at(pixel_m: float) -> tuple[PixelScale, Segmentation]:
         scale = PixelScale(
             lateral_m=pixel_m, depth_m=pixel_m, refractive_index=refractive_index
         )
         wall = find_wall(pixels, scale, finder=finder)
         if not wall.usable:
             raise InputError(f"{scan}: {wall.reason}")
-        if wall.inner_found:
-            pixel_m *= thickness_m / wall.thickness_m
+        return scale, wall
 
+    scale, wall = found_at(PIXEL_M)
+    if wall.inner_found:
+        scale, wall = found_at(PIXEL_M * thickness_m / wall.thickness_m)
     return unrolled(pixels, scale, wall, np.iinfo(pixels.dtype).max)
 
 

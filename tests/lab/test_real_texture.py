@@ -1,5 +1,7 @@
 """The pixels of a scan, unrolled along its wall and laid on other walls."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -113,6 +115,20 @@ def test_beyond_the_scan_lies_air_and_columns_without_a_wall_are_black():
     assert not laid[:, 260:].any()
     top = laid[:50, 120:250] / 4095.0 * 255.0
     assert 4.0 < top.min() <= top.max() < 16.0
+
+
+def test_a_wall_whose_end_is_not_seen_is_not_stretched():
+    """What the segmentation assumes of its thickness is not the scan's."""
+    rest = section_of(round_surface(0.6e-3), THICKNESS_M)
+    wall = replace(wall_of(rest, THICKNESS_M), inner_found=False)
+    texture = unrolled(layered(rest, THICKNESS_M), SCALE, wall, 255)
+    assert np.isnan(texture.thickness_m)
+    thin = section_of(round_surface(0.6e-3), 0.5 * THICKNESS_M)
+    laid = texture.laid_on(thin, OCT, RNG(0)) / 4095.0 * 255.0
+    middle = np.abs(LATERAL_M) < 5e-3
+    expected = layered(rest, THICKNESS_M)[:, middle]
+    off = np.abs(laid[:, middle] - expected)
+    assert (off[expected == 60] < 30.0).mean() > 0.985
 
 
 def test_hardly_any_surface_is_refused_in_a_sentence():

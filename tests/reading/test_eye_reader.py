@@ -184,6 +184,16 @@ def test_a_narrow_interval_or_a_dent_within_the_window_is_answered(pixels, readi
     assert live(pixels, reading).usable
 
 
+def test_an_assumed_pressure_is_a_missing_input_until_a_moment_states_one():
+    def missing(reader: EyeReader) -> bool:
+        return any(remark.fields == ("iop_pa",) for remark in reader.remarks)
+
+    reader = EyeReader(force_reader(), changed(KNOWN, iop_assumed=True))
+    assert missing(reader)
+    assert not missing(reader.at(1.2 * KNOWN.eye.iop_pa))
+    assert not missing(EyeReader(force_reader(), KNOWN))
+
+
 @pytest.mark.parametrize(
     ("known", "thinner"), [(None, 1.4), (KNOWN.eye.thickness_m, 1.0)]
 )

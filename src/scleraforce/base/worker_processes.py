@@ -118,8 +118,8 @@ def _connected(scheduler: str) -> Any:
 # A process is started by `python -c`, which would take a `signal.py` of the current
 # folder for the standard library's.
 OWN_MODULES = {"PYTHONSAFEPATH": "1"}
-# The tracker removes the semaphores of workers with workers of their own, which end
-# without doing so, and would say so.
+# Workers that have workers of their own end without removing their semaphores. The
+# tracker removes them, and would warn of each.
 QUIET_TRACKER = {"PYTHONWARNINGS": "ignore:resource_tracker:UserWarning"}
 THREAD_SETTINGS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 # submitted units for each worker of a cluster: neither it nor the scheduler holds all

@@ -9,7 +9,7 @@ Linear mechanics is the paper's, and so is its filter (`filtered_eye`).
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import exp, sqrt
+from math import exp
 
 import numpy as np
 
@@ -64,6 +64,7 @@ from scleraforce.calibration.stiffness_from_forces import (
 from scleraforce.calibration.who_yields import decided_relaxation
 from scleraforce.fit import unknowns
 from scleraforce.fit.one_frame import BoundaryFit
+from scleraforce.fit.prior_of_an_eye import prior_of
 from scleraforce.library import Library
 from scleraforce.library.sealed_eye import iop_ratio_under_force
 from scleraforce.recordings.recording_folder import Recording
@@ -519,8 +520,8 @@ def _sought_sds(setup: Setup, settings: CalibrationSettings) -> dict[str, float]
     }
     found = {name: sds[name] for name in settings.parameters if name in sds}
     if eye.iop_assumed:
-        low, high = np.log(settings.study.reader.iop_pa.bounds)
-        found["iop"] = float(high - low) / sqrt(12.0)
+        unstated = prior_of(replace(setup, eye=eye.declared()), settings.study.reader)
+        found["iop"] = float(unstated.sd[unknowns.IOP])
     return found
 
 

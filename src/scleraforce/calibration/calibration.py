@@ -115,7 +115,7 @@ class EyeCalibration:
     shape of the dents (`calibration.stiffness_from_shape`). The filter's `state`, from
     which the eye's next recording continues, its `steps`, for figures, the `prior` of
     E, and the `errors` of what is declared, are missing if read from a file.
-    `assumed_iop_pa`: the pressure beside which E was found where none is stated.
+    `assumed_iop_pa`: the pressure at which E was found; None: it was stated.
     `whole_sd_pa`: standard deviation of E with those errors, which forces do not feel;
     None: they are not known.
     """

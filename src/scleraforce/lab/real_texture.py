@@ -131,7 +131,7 @@ def unrolled(
     from_surface = np.arange(rows)[:, None] - above + 0.5
     row = surface_row + np.where(from_surface > 0.0, from_surface * steep, from_surface)
     counts = np.minimum(frame / np.float32(largest), 1.0).astype(np.float32)
-    # rows below the last surface are not air; where none is seen nothing is
+    # columns without a surface may show tissue in any row
     lowest_row = np.where(there, wall.outer_row - AIR_M / scale.depth_m, -np.inf)
     air = counts[np.arange(len(frame))[:, None] < lowest_row]
     air = air if len(air) else np.zeros(1, dtype=np.float32)
@@ -142,7 +142,7 @@ def unrolled(
         above * scale.depth_m,
         scale.depth_m,
         scale.lateral_m,
-        wall.thickness_m,
+        wall.thickness_m if wall.inner_found else float("nan"),
     )
 
 

@@ -325,9 +325,9 @@ def segment_and_slice(
     model reads.
 
     Where the thickness is not known and there is time for a finder, a second surface
-    below the first is a fault. In a slice the inner boundary lies a known thickness
-    below the surface: a network reads real walls wrong by a third where it is not seen
-    so sharply as in drawn ones.
+    below the first is a fault. Slices end at the known thickness, not at the inner
+    boundary that is found: real walls end less sharply than drawn ones, and networks
+    read them wrong by up to a third.
     """
     found = find_wall(frame, scale, thickness_m, finder if wall is None else None)
     found = found if wall is None else replace(wall, needle=found.needle)

@@ -323,7 +323,7 @@ def _as_calibrated(declared: Eye, own: Eye) -> Eye:
 
     same_wall = own.thickness_m == declared.thickness_m
     if declared.iop_pa is None and own.iop_assumed:
-        # its modulus was found at that pressure, and is wrong by as much as it is
+        # the modulus was found at that pressure, and makes up for its error
         declared = replace(declared, iop_pa=own.iop_pa, iop_assumed=True)
 
     return replace(

@@ -223,8 +223,8 @@ class Eye:
         relaxation: how the tissue relaxes. None: it is read as elastic.
         discrepancy: of the eye's forces from the library's; belongs to a modulus of its
             own. None: none.
-        iop_assumed: True: `iop_pa` is not declared; a calibration took or found it,
-            whose modulus gives the right forces beside it alone.
+        iop_assumed: True: `iop_pa` is not declared, but the pressure of the
+            calibration; the modulus is right only together with it.
         calibrated_lean_rad: of the needle that calibrated `modulus`, which then is of
             forces along the wall's normal. None: of forces along that needle.
         unlearned: the eye before a monitor learned its E: models read both. None: no
@@ -326,8 +326,8 @@ class Eye:
             self.name,
             thickness_m=self.thickness_m,
             thickness_sd_m=self.thickness_sd_m,
-            iop_pa=None if self.iop_assumed else self.iop_pa,
-            iop_sd_pa=None if self.iop_assumed else self.iop_sd_pa,
+            iop_pa=self.declared_iop_pa,
+            iop_sd_pa=self.iop_sd_pa,
             radius_m=self.radius_m,
             radius_sd_m=self.radius_sd_m,
             globe=None if self.globe is None else self.globe.as_declared(),

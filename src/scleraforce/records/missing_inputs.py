@@ -14,7 +14,7 @@ MISSING = "missing-input"
 COSTS = {
     "iop_pa": (
         "the IOP is not stated (eye.iop_pa): virtual eyes are read 1.2 instead of 0.2"
-        " mN off, with a calibration, which finds it beside E, 0.2"
+        " mN off; `calibrate` finds it together with E, and 0.2 mN remain"
     ),
     "globe": (
         "open or sealed is not stated (eye.globe): open virtual eyes are read 1.8"

@@ -53,7 +53,7 @@ def find_wall(
 
     `frame`: counts, uint8 or uint16, shape (row, column); rows go down into the eye.
     With a known thickness the surface is looked for below a conjunctiva, too, and an
-    inner boundary that lies so deep needs no other witness. A network (`finder`) checks
+    inner boundary at that depth needs no confirmation. A network (`finder`) checks
     the wall, which is then the one that both methods give (see
     `two_methods.checked_by`); the control loop has no time for its 7 ms. A frame
     without a wall has NaN boundaries and an empty mask.

@@ -68,8 +68,8 @@ OTHER_ROWS = 2.0  # the standard deviation of `find_wall` in rows
 OTHER_INNER_SHARE = 0.08  # ... and of its inner boundary, in thicknesses
 DIFFERING_SHARE = 0.2  # of the columns that both see
 UNSEEN_SHARE = 0.3  # of the columns that either sees are seen by one alone
-# both see the wall's end this near, in thicknesses, or within a network's row; or one
-# sees it where the known thickness ends
+# An inner boundary is confirmed by the other method's within this share of the
+# thickness, or a row of the network; or by the known thickness.
 CONFIRMED_THICKNESS = 0.1
 UNCONFIRMED_SHARE = 0.5  # of the columns that both see do not, at most
 # a network that is unsure of the wall's end by so much of it tells nothing of a layer
@@ -152,8 +152,8 @@ def checked_by(
 
 
 def _is_as_thick(found: Segmentation, thickness_m: float | None) -> bool:
-    """Return whether a wall is as thick as it is known to be: what the other method
-    takes for its end is another layer's.
+    """Return whether a wall is as thick as it is known to be. Another end that the
+    other method sees is that of another layer.
     """
     if thickness_m is None:
         return False
@@ -163,8 +163,8 @@ def _is_as_thick(found: Segmentation, thickness_m: float | None) -> bool:
 def surface_alone(
     found: Segmentation, inner_doubt: str, scale: PixelScale
 ) -> Segmentation:
-    """Return a wall whose inner boundary is not used; it is assumed as deep as where
-    none is seen.
+    """Return a wall whose inner boundary is not used; the mask ends 1 mm below the
+    surface.
     """
     below_rows = UNSEEN_DEPTH_M * scale.refractive_index / scale.depth_m
     return replace(

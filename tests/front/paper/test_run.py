@@ -3,6 +3,7 @@ readings, sections; the demo.
 """
 
 import os
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -344,10 +345,24 @@ def test_a_stage_beside_others_is_done_in_a_second_process_of_half_the_workers(
     assert int(of_it) == max(1, workers // 2)
     assert list(seconds) == ["a", "b", "beside"]
     assert BARS[-1] == ("3/3 beside", BESIDE_STEPS, BESIDE_STEPS)
-    assert [line.split(":")[0] for line in lines] == [title for title, *_ in BARS]
+    titles = [title for title, *_ in BARS]
+    for line, title in zip(lines, titles, strict=True):
+        assert re.fullmatch(rf"{title}: \d+\.\d s", line)
     again = run_stages(run, stages, announce)
     assert again == seconds
     assert DONE == ["a", "b"]
+
+
+def test_a_stage_that_is_interrupted_has_no_line(tmp_path: Path) -> None:
+    def interrupted(_: Run, __: Progress) -> None:
+        raise KeyboardInterrupt
+
+    lines = list[str]()
+    stages = (stage("a"), Stage("b", lambda _: 3, interrupted))
+    with pytest.raises(KeyboardInterrupt):
+        run_stages(open_run(tmp_path, Study(), 1), stages, announce, note=lines.append)
+    assert len(lines) == 1
+    assert lines[0].startswith("1/2 a: ")
 
 
 def test_a_fault_of_a_stage_beside_others_is_raised_and_the_others_are_kept(
