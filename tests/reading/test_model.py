@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from analytic_frames import SCALE, frame_under
+from analytic_frames import SCALE, THICKNESS_M, frame_under
 from analytic_library import analytic_library
 from small_models import (
     force_reader,
@@ -17,6 +17,7 @@ from small_models import (
 
 from scleraforce.base.errors import ModelError
 from scleraforce.reading.load_model import load_classifier, load_reader, opened_reader
+from scleraforce.records.eye import Eye
 from scleraforce.records.globe import OPEN, SEALED
 from scleraforce.records.scan import Scan
 from scleraforce.records.setup import Setup
@@ -45,15 +46,20 @@ def test_probabilities_equal_the_network_computed_in_numpy(tiny_model):
     assert reader.probabilities(slices(0)).shape == (0, 3)
 
 
+@pytest.mark.parametrize("thickness_m", [None, 1.08 * THICKNESS_M])
 def test_an_answer_is_the_networks_for_the_slice_of_the_segmented_frame(
-    write_model, tmp_path
+    write_model, tmp_path, thickness_m: float | None
 ):
+    """With the inner boundary that is found: a linear wall under a needle is not as
+    thick as at rest.
+    """
     model = load_classifier(write_model(tmp_path / "model", Study()).path)
     frame = frame_under(0.02)
-    wall = find_wall(frame, SCALE, finder=model.finder)
+    wall = find_wall(frame, SCALE, thickness_m, model.finder)
+    assert wall.inner_found
     cut = boundary_slice(wall, SCALE, model.study.slice)
     assert 0.02 < (cut > 0).mean() < 0.3
-    answer = model.read(frame, SCALE)
+    answer = model.read(frame, SCALE, Setup(eye=Eye(thickness_m=thickness_m)))
     expected = model.probabilities(cut[None])[0]
     np.testing.assert_allclose(answer.probabilities, expected, atol=1e-12)
     assert answer.predicted == np.argmax(expected)

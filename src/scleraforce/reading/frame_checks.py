@@ -320,14 +320,15 @@ def segment_and_slice(
     thickness_m: float | None = None,
     finder: WallFinder | None = None,
     wall: Segmentation | None = None,
+    *,
+    ends_at_thickness: bool = False,
 ) -> SlicedFrame:
     """Segment a frame, or take its `wall`, which was given, and draw the slices that a
     model reads.
 
     Where the thickness is not known and there is time for a finder, a second surface
-    below the first is a fault. Slices end at the known thickness, not at the inner
-    boundary that is found: real walls end less sharply than drawn ones, and networks
-    read them wrong by up to a third.
+    below the first is a fault. An inner boundary that is not seen lies at the known
+    thickness; with `ends_at_thickness` slices show all of them there.
     """
     found = find_wall(frame, scale, thickness_m, finder if wall is None else None)
     found = found if wall is None else replace(wall, needle=found.needle)
@@ -342,7 +343,8 @@ def segment_and_slice(
             )
 
     drawn = found
-    if thickness_m is not None and wall is None:
+    is_assumed = ends_at_thickness or not found.inner_found
+    if is_assumed and thickness_m is not None and wall is None:
         inner_row = assumed_inner_row(found, scale, thickness_m)
         drawn = replace(found, inner_row=inner_row)
         found = found if found.inner_found else drawn
